@@ -220,9 +220,9 @@ class EffortLimit:
         """Anywhere, either way [N m or N]."""
         return float(max(self.backwards.max(), self.forwards.max()))
 
-    def allowed(self, q: np.ndarray, way: int) -> np.ndarray:
+    def allowed(self, q: np.ndarray, sign: int) -> np.ndarray:
         """Return the most forwards (1) or backwards (-1) at positions (N,), shape (N,)."""
-        return np.interp(q, self.position, self.forwards if way > 0 else self.backwards)
+        return np.interp(q, self.position, self.forwards if sign > 0 else self.backwards)
 
     def scaled(self, factor: float) -> "EffortLimit":
         """Return a fraction of it."""
@@ -332,8 +332,8 @@ def directions(trajectory: Trajectory, samples: Samples) -> np.ndarray:
     v, width = trajectory.at(samples, 1), widths[samples.piece]
     inwards = np.where(samples.local < width / 2, BESIDE, -BESIDE) * width
     beside = trajectory.at(Samples(samples.piece, samples.local + inwards, samples.time), 1)
-    way = np.sign(np.where(abs(v) > REST * fastest, v, beside))
-    return np.where(moves[samples.piece], way, 0.0)
+    sign = np.sign(np.where(abs(v) > REST * fastest, v, beside))
+    return np.where(moves[samples.piece], sign, 0.0)
 
 
 def _presets(problem: Problem, count: int) -> list[dict[str, Any]]:

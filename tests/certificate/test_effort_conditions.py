@@ -60,12 +60,12 @@ def worst_use(robot, trajectory):
     q, _, effort, unsure = samples(robot, trajectory)
     most = robot.limits.effort
     used = []
-    for way in (1, -1):
+    for sign in (1, -1):
         allowed = np.broadcast_to(most, q.shape).copy()
         for table in robot.limits.effort_ranges:
-            side = table.forwards if way > 0 else table.backwards
+            side = table.forwards if sign > 0 else table.backwards
             allowed[:, table.joint] = np.interp(q[:, table.joint], table.position, side)
-        used.append(1 + (way * effort + unsure - allowed) / most)
+        used.append(1 + (sign * effort + unsure - allowed) / most)
     return float(np.max(used))
 
 
@@ -73,7 +73,7 @@ def worst_curve_use(robot, trajectory):
     """Return the largest fraction of the torque-speed lines that a sample uses."""
     _, v, effort, unsure = samples(robot, trajectory)
     stall, fraction = robot.motors.saturation_effort, v / robot.motors.no_load_velocity
-    return max(((way * effort + unsure) / stall + way * fraction).max() for way in (1, -1))
+    return max(((sign * effort + unsure) / stall + sign * fraction).max() for sign in (1, -1))
 
 
 def dry(back, forth):

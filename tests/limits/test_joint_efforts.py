@@ -126,11 +126,11 @@ def test_upwards_the_most_counts_and_downwards_the_least(bar, v):
     terms = SidedEffort(np.array([0])).terms(path(robot, q, v, a))
     rubbing = FORTH if v > 0 else -BACK
     inertia = INERTIA + mass * LEVER**2 + ARMATURE
-    for column, way in enumerate((1.0, -1.0)):
+    for column, sign in enumerate((1.0, -1.0)):
         expected = {
-            0: way * (mass * HELD * np.cos(q) + rubbing) + UNSURE * abs(rubbing),
-            1: way * VISCOUS * v + UNSURE * VISCOUS * abs(v),
-            2: way * inertia * a,
+            0: sign * (mass * HELD * np.cos(q) + rubbing) + UNSURE * abs(rubbing),
+            1: sign * VISCOUS * v + UNSURE * VISCOUS * abs(v),
+            2: sign * inertia * a,
         }
         assert {k: term[0, column] for k, term in terms.items()} == pytest.approx(expected)
 
@@ -196,11 +196,13 @@ def test_it_is_asked_where_the_simpler_kind_does_not_serve(bar, motors, ranges, 
 # Torque-speed lines: closed forms of a bar, and which speeds a motor can have.
 
 
-@pytest.mark.parametrize(("way", "drives"), [(1.0, True), (-1.0, True), (1.0, False)])
-def test_who_drives_has_less_than_who_brakes(bar, way, drives):
+@pytest.mark.parametrize(("sign", "drives"), [(1.0, True), (-1.0, True), (1.0, False)])
+def test_who_drives_has_less_than_who_brakes(bar, sign, drives):
     """(I a) s^2 / S +- v s / V = 1, whose first root counts."""
-    assert largest_speed(MotorCurve, bar(**LINE), 0.0, way * 2.0, 0.0) == pytest.approx(NO_LOAD / 2)
-    v, a = way * 2.0, way * (3.0 if drives else -3.0)
+    assert largest_speed(MotorCurve, bar(**LINE), 0.0, sign * 2.0, 0.0) == pytest.approx(
+        NO_LOAD / 2
+    )
+    v, a = sign * 2.0, sign * (3.0 if drives else -3.0)
     inertia, slope = INERTIA * 3.0 / STALL, 2.0 / NO_LOAD
     roots = np.roots([inertia, slope if drives else -slope, -1])
     assert largest_speed(MotorCurve, bar(**LINE), 0.0, v, a) == pytest.approx(max(roots))

@@ -83,15 +83,15 @@ def test_a_joint_that_stands_still_has_none(tmp_path, slide):
     np.testing.assert_allclose(dry, [[FORTH, 0.0, -BACK]] * 2)
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_puma_560s_motors_are_what_they_are_behind_its_gears(way, ur5):
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_puma_560s_motors_are_what_they_are_behind_its_gears(sign, ur5):
     """The law at the motors, taken through the gears: efforts grow by them, speeds fall."""
-    v = way * np.array([1.0, 0.8, 1.5, 3.0, 2.0, 4.0])
+    v = sign * np.array([1.0, 0.8, 1.5, 3.0, 2.0, 4.0])
     a = np.array([2.0, -3.0, 1.0, 5.0, 4.0, -9.0])
     rows = np.stack([a / 2, v, np.zeros(6)])[:, None]
     motion = JointTrajectory(ur5.joint_names, [0.0, 0.1], rows)
     samples, size = motion.at(np.zeros(1)), abs(GEARS)
-    spinning = AT_MOTORS * size * v + way * (FORTH_AT_MOTORS if way > 0 else BACK_AT_MOTORS)
+    spinning = AT_MOTORS * size * v + sign * (FORTH_AT_MOTORS if sign > 0 else BACK_AT_MOTORS)
     expected = size * (spinning + ROTORS * size * a)
     state = (samples.position, samples.velocity, samples.acceleration)
     effort = motor_effort(with_motors(ur5, **PUMA), motion, samples) - ur5.inverse_dynamics(*state)

@@ -81,7 +81,7 @@ def test_its_slopes_are_those_of_differences():
     own = motors((0.5, 1.5), (1.0, 0.2), 0.2)
     rate = np.append(rng.uniform(-0.3, 0.3, (60, 2)), [[1.0, -1.0]], axis=0)
     step = 1e-7 * (abs(rate) < 0.9)
-    here, above, below = (blended(own, rate + way * step) for way in (0.0, 1.0, -1.0))
+    here, above, below = (blended(own, rate + sign * step) for sign in (0.0, 1.0, -1.0))
     for name in ("most", "least"):
         slope = (getattr(above, name) - getattr(below, name))[:-1] / 2e-7
         exact = getattr(here, f"{name}_by_rate")

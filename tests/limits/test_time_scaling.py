@@ -230,7 +230,7 @@ def test_braking_is_limited_by_what_viscous_friction_takes_first(tmp_path):
 MAX_THERE = np.poly1d([-1.0, 1.0, 2.75]).integ()
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("polynomial", "acceleration", "helps"),
     [
@@ -246,12 +246,12 @@ MAX_THERE = np.poly1d([-1.0, 1.0, 2.75]).integ()
     ],
 )
 def test_friction_counts_on_both_sides_of_reversals_and_at_ends(
-    tmp_path, polynomial, acceleration, helps, way
+    tmp_path, polynomial, acceleration, helps, sign
 ):
     """What is left beside the friction of the way that needs more, or with what friction brakes."""
     robot = with_motors(one_joint(tmp_path, velocity=1e3), **FRICTION)
-    rows = way * np.array(polynomial)[:, None, None]
-    dry = FORTH if way > 0 else BACK
+    rows = sign * np.array(polynomial)[:, None, None]
+    dry = FORTH if sign > 0 else BACK
     expected = np.sqrt(INERTIA * acceleration / (5.0 + helps * dry))
     result = minimum_duration(anywhere(robot), JointTrajectory(["turn"], [0.0, 1.0], rows))
     assert result == pytest.approx(expected, rel=1e-7)

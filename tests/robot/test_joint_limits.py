@@ -303,11 +303,11 @@ def test_a_table_is_linear_between_its_positions_and_a_pair_holds_by_direction_e
     limits = two_link(LimitOverrides(effort=effort, scale={"effort": 0.5}))
     table, pair = limits.effort_ranges
     q = np.array([-5, -1, -0.5, 0, 1, 2, 9])
-    for way, allowed in ((-1, 30), (1, 20)):
-        np.testing.assert_allclose(table.allowed(q, way), [5, 5, 7.5, 10, 9, 8, 8])
-        np.testing.assert_allclose(table.slope(q, way), [0, 5, 5, -1, -1, 0, 0])
-        same(pair.allowed(q, way), np.full(7, allowed))
-        same(pair.slope(q, way), np.zeros(7))
+    for sign, allowed in ((-1, 30), (1, 20)):
+        np.testing.assert_allclose(table.allowed(q, sign), [5, 5, 7.5, 10, 9, 8, 8])
+        np.testing.assert_allclose(table.slope(q, sign), [0, 5, 5, -1, -1, 0, 0])
+        same(pair.allowed(q, sign), np.full(7, allowed))
+        same(pair.slope(q, sign), np.zeros(7))
     assert [one.joint for one in limits.effort_ranges] == [0, 1]
     same(limits.effort, [10, 30])
     same(table.position, TABLE["position"])

@@ -560,6 +560,6 @@ def test_derivatives_of_efforts_are_those_of_differences(request, name):
         for k in range(plain.joint_count):
             shift = np.zeros_like(state)
             shift[order, :, k] = step
-            sides = [robot.inverse_dynamics(*(state + way * shift)) for way in (1, -1)]
+            sides = [robot.inverse_dynamics(*(state + sign * shift)) for sign in (1, -1)]
             slope = (sides[0] - sides[1]) / (2 * step)
             close(exact[:, :, k], slope, rtol=1e-5, atol=1e-5)

@@ -39,9 +39,9 @@ class DirectedEfforts:
     unsure: FloatArray
     error: FloatArray
 
-    def most(self, way: float) -> FloatArray:
+    def most(self, sign: float) -> FloatArray:
         """Return upper bounds on the effort forwards (1) or backwards (-1), polynomials (N, R)."""
-        most = way * self.effort + self.unsure
+        most = sign * self.effort + self.unsure
         most[-1] += self.error
         return most
 

@@ -44,13 +44,14 @@ def judge_effort(motion: JudgedMotion) -> JudgedCondition:
     if directed.any():
         efforts = motion.efforts_of(np.flatnonzero(directed))
         excess = [
-            efforts.most(way) - _effort_allowed(motion.robot, efforts, way) for way in (1.0, -1.0)
+            efforts.most(sign) - _effort_allowed(motion.robot, efforts, sign)
+            for sign in (1.0, -1.0)
         ]
         judged.append(judged_both_ways(motion, efforts, np.array(excess), limit[efforts.joint]))
     return min(judged, key=lambda each: each.margin or 0.0)
 
 
-def _effort_allowed(robot: RobotModel, efforts: DirectedEfforts, way: float) -> FloatArray:
+def _effort_allowed(robot: RobotModel, efforts: DirectedEfforts, sign: float) -> FloatArray:
     """Return the limits in one direction as polynomials, (N, R)."""
     allowed = np.zeros_like(efforts.effort)
     allowed[-1] = robot.limits.effort[efforts.joint]
@@ -59,8 +60,8 @@ def _effort_allowed(robot: RobotModel, efforts: DirectedEfforts, way: float) -> 
     for table in robot.limits.effort_ranges:
         rows = np.flatnonzero(efforts.joint == table.joint)
         q = middle[rows]
-        allowed[:, rows] = table.slope(q, way) * efforts.position[:, rows]
-        allowed[-1, rows] += table.allowed(q, way) - table.slope(q, way) * q
+        allowed[:, rows] = table.slope(q, sign) * efforts.position[:, rows]
+        allowed[-1, rows] += table.allowed(q, sign) - table.slope(q, sign) * q
     return allowed
 
 
@@ -76,7 +77,7 @@ def judge_motor_curve(motion: JudgedMotion) -> JudgedCondition:
     efforts = motion.efforts_of(np.flatnonzero(motors.has_curve))
     saturation = motors.saturation_effort[efforts.joint]
     lost = saturation / motors.no_load_velocity[efforts.joint] * efforts.velocity
-    excess = np.array([efforts.most(way) + way * lost for way in (1.0, -1.0)])
+    excess = np.array([efforts.most(sign) + sign * lost for sign in (1.0, -1.0)])
     excess[:, -1] -= saturation
     return judged_both_ways(motion, efforts, excess, saturation)
 

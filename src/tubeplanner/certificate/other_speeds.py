@@ -139,7 +139,7 @@ def path_steps(trajectory: JointTrajectory, count: int, per_piece: int) -> PathS
 # efforts, gravity and Coulomb friction are constant, viscous friction grows with p, inertia with
 # p^2 and p'.
 
-_WAYS = (1.0, -1.0)
+_SIGNS = (1.0, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,17 +191,17 @@ def effort_sides(robot: RobotModel, steps: PathSteps) -> LimitSides:
     inertia = robot.inverse_dynamics(q, v, a) - gravity - viscous
     change = robot.inverse_dynamics(q, np.zeros_like(v), v) - gravity
     parts = []
-    for way in _WAYS:
-        static = way * (gravity + coulomb) + motors.friction_uncertainty * abs(coulomb)
-        linear = way * viscous + motors.friction_uncertainty * abs(viscous)
-        used = (static, linear, way * inertia, way * change)
+    for sign in _SIGNS:
+        static = sign * (gravity + coulomb) + motors.friction_uncertainty * abs(coulomb)
+        linear = sign * viscous + motors.friction_uncertainty * abs(viscous)
+        used = (static, linear, sign * inertia, sign * change)
         allowed = np.tile(limits.effort, (len(q), 1))
         for limit in limits.effort_ranges:
-            allowed[:, limit.joint] = limit.allowed(q[:, limit.joint], way)
+            allowed[:, limit.joint] = limit.allowed(q[:, limit.joint], sign)
         parts.append(_fractions("effort", np.isfinite(limits.effort), used, allowed))
         stall = np.broadcast_to(motors.saturation_effort, q.shape)
         with np.errstate(invalid="ignore"):
-            slowed = linear + way * v * motors.saturation_effort / motors.no_load_velocity
+            slowed = linear + sign * v * motors.saturation_effort / motors.no_load_velocity
         parts.append(
             _fractions("motor_curve", motors.has_curve, (static, slowed, *used[2:]), stall)
         )
@@ -215,8 +215,10 @@ def acceleration_sides(robot: RobotModel, steps: PathSteps) -> LimitSides:
     none, allowed = np.zeros_like(v), np.broadcast_to(limit, v.shape)
     return LimitSides.joined(
         [
-            _fractions("acceleration", np.isfinite(limit), (none, none, way * a, way * v), allowed)
-            for way in _WAYS
+            _fractions(
+                "acceleration", np.isfinite(limit), (none, none, sign * a, sign * v), allowed
+            )
+            for sign in _SIGNS
         ]
     )
 
@@ -287,8 +289,8 @@ def _rate_polynomials(robot: RobotModel, steps: PathSteps) -> FloatArray:
     q, v, a, jerk = (steps.at_ends(order) for order in range(4))
     gravity, friction = gravity_effort_rate(robot, q, v), robot.motors.viscous_friction * a
     inertia = effort_rate(robot, q, v, a, jerk) - gravity - friction
-    ways = [way * np.stack([0 * gravity, gravity, friction, inertia]) for way in (1.0, -1.0)]
-    return np.concatenate([way[:, :, joints] / limit[joints] for way in ways], axis=2)
+    by_sign = [sign * np.stack([0 * gravity, gravity, friction, inertia]) for sign in (1.0, -1.0)]
+    return np.concatenate([sign[:, :, joints] / limit[joints] for sign in by_sign], axis=2)
 
 
 def highest_up_to_one(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:

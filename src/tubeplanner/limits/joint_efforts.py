@@ -121,13 +121,13 @@ class SidedEffort:
 
     Attributes:
         joints: The joints, twice, shape (2 I,).
-        way: 1 forwards, -1 backwards, shape (2 I,).
+        sign: 1 forwards, -1 backwards, shape (2 I,).
     """
 
     def __init__(self, joints: IntArray) -> None:
         """Take I joints."""
         self.joints = np.tile(joints, 2)
-        self.way = np.repeat([1.0, -1.0], len(joints))
+        self.sign = np.repeat([1.0, -1.0], len(joints))
 
     def terms(self, at: PathSamples) -> dict[int, FloatArray]:
         """Return the terms of the efforts by powers of the speed, with the worse friction."""
@@ -135,18 +135,18 @@ class SidedEffort:
         unsure = at.problem.robot.motors.friction_uncertainty * abs(at.viscous_effort)
         dry = self._dry(at, 0)
         return {
-            0: self.way * (at.gravity[:, self.joints] + dry),
-            1: self.way * at.viscous_effort[:, self.joints] + unsure[:, self.joints],
-            2: self.way * (moving - still)[:, self.joints],
+            0: self.sign * (at.gravity[:, self.joints] + dry),
+            1: self.sign * at.viscous_effort[:, self.joints] + unsure[:, self.joints],
+            2: self.sign * (moving - still)[:, self.joints],
         }
 
     def by_path(self, at: PathSamples, speed: float) -> dict[int, FloatArray]:
         """Return the derivatives of the efforts by the path at a speed, (N, 2 I, n) each."""
         motors = at.problem.robot.motors
         blocks = enumerate(at.effort_derivatives(speed))
-        change = {k: by[:, self.joints] * (speed**k * self.way[:, None]) for k, by in blocks}
+        change = {k: by[:, self.joints] * (speed**k * self.sign[:, None]) for k, by in blocks}
         unsure = motors.friction_uncertainty * motors.viscous_friction * speed
-        by_rate = (unsure * np.sign(at.by_path[1]))[:, self.joints] + self.way * self._dry(at, 1)
+        by_rate = (unsure * np.sign(at.by_path[1]))[:, self.joints] + self.sign * self._dry(at, 1)
         every = np.arange(len(self.joints))
         change[1][:, every, self.joints] += by_rate
         return change
@@ -154,7 +154,9 @@ class SidedEffort:
     def _dry(self, at: PathSamples, order: int) -> FloatArray:
         """Return Coulomb friction (0) or its derivative by dq/dx (1), shape (N, 2 I)."""
         half = len(self.joints) // 2
-        sides = [at.coulomb_friction.side(way)[order][:, self.joints[:half]] for way in (1.0, -1.0)]
+        sides = [
+            at.coulomb_friction.side(sign)[order][:, self.joints[:half]] for sign in (1.0, -1.0)
+        ]
         return np.concatenate(sides, axis=1)
 
 
@@ -180,20 +182,20 @@ class EffortLimit:
         self.joints = self._effort.joints
         place = {int(joint): k for k, joint in enumerate(joints)}
         self._ranges = [
-            (place[each.joint] + len(joints) * (way < 0), way, each)
+            (place[each.joint] + len(joints) * (sign < 0), sign, each)
             for each in limits.effort_ranges
-            for way in (1.0, -1.0)
+            for sign in (1.0, -1.0)
         ]
         self.limit = limits.effort[self.joints].copy()
-        for column, way, each in self._ranges:
-            self.limit[column] = each.side(way).max()
+        for column, sign, each in self._ranges:
+            self.limit[column] = each.side(sign).max()
         self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return the efforts, and the shortfall of limits, as fractions of the nominal limits."""
         allowed = np.ones((len(at), len(self.joints)))
-        for column, way, each in self._ranges:
-            allowed[:, column] = each.allowed(at.position[:, each.joint], way) / self.limit[column]
+        for column, sign, each in self._ranges:
+            allowed[:, column] = each.allowed(at.position[:, each.joint], sign) / self.limit[column]
         terms = {k: term / self.limit for k, term in self._effort.terms(at).items()}
         terms[0] += 1 - allowed
         return SpeedPolynomial(terms, allowed)
@@ -201,8 +203,8 @@ class EffortLimit:
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return the derivatives of the fractions by the path."""
         change = {k: by / self.limit[:, None] for k, by in self._effort.by_path(at, speed).items()}
-        for column, way, each in self._ranges:
-            slope = each.slope(at.position[:, each.joint], way)
+        for column, sign, each in self._ranges:
+            slope = each.slope(at.position[:, each.joint], sign)
             change[0][:, column, each.joint] -= slope / self.limit[column]
         return change
 
@@ -239,7 +241,7 @@ class MotorCurve:
         """Take the joints that have a line."""
         joints = np.flatnonzero(motors.has_curve)
         self._effort = SidedEffort(joints)
-        self.joints, self._way = self._effort.joints, self._effort.way
+        self.joints, self._sign = self._effort.joints, self._effort.sign
         self._stall = motors.saturation_effort[self.joints]
         self._no_load = motors.no_load_velocity[self.joints]
         self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
@@ -247,14 +249,14 @@ class MotorCurve:
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return the fractions of the lines that efforts and velocities use together."""
         terms = {k: term / self._stall for k, term in self._effort.terms(at).items()}
-        terms[1] = terms[1] + self._way * at.by_path[1][:, self.joints] / self._no_load
+        terms[1] = terms[1] + self._sign * at.by_path[1][:, self.joints] / self._no_load
         return SpeedPolynomial(terms)
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return the derivatives of the fractions by the path."""
         change = {k: by / self._stall[:, None] for k, by in self._effort.by_path(at, speed).items()}
         every = np.arange(len(self.joints))
-        change[1][:, every, self.joints] += self._way * speed / self._no_load
+        change[1][:, every, self.joints] += self._sign * speed / self._no_load
         return change
 
     def key_of(self, at: PathSamples) -> IntArray:

@@ -42,10 +42,10 @@ class CoulombFriction:
     most_by_rate: FloatArray
     least_by_rate: FloatArray
 
-    def side(self, way: float) -> tuple[FloatArray, FloatArray]:
+    def side(self, sign: float) -> tuple[FloatArray, FloatArray]:
         """Return the upper (1) or lower (-1) bound and its derivative by dq/dx."""
         upper = (self.most, self.most_by_rate)
-        return upper if way > 0 else (self.least, self.least_by_rate)
+        return upper if sign > 0 else (self.least, self.least_by_rate)
 
 
 def directed_friction(motors: JointMotors, direction: FloatArray) -> CoulombFriction:
@@ -80,7 +80,7 @@ def blended_friction(
     forwards, backwards = motors.forwards_friction, -motors.backwards_friction
     more, less = 1 + motors.friction_uncertainty, 1 - motors.friction_uncertainty
     slope = 1 / (width * (1 - _EARLY))
-    ahead, behind = (np.clip((width + way * rate) * slope, 0, 1) for way in (1.0, -1.0))
+    ahead, behind = (np.clip((width + sign * rate) * slope, 0, 1) for sign in (1.0, -1.0))
     rise, fall = forwards * more - backwards * less, forwards * less - backwards * more
     blended = CoulombFriction(
         backwards * less + rise * ahead,

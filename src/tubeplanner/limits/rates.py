@@ -72,7 +72,7 @@ class VelocityByPositionLimit:
 
     Attributes:
         joints: The limited joints, twice, shape (2 I,).
-        way: Sign of the end of the range, 1 or -1, shape (2 I,).
+        sign: Sign of the end of the range, 1 or -1, shape (2 I,).
         largest: Their velocity limits or, without any, the velocities from which they would stop
             over the whole range, shape (2 I,) [rad/s or m/s].
     """
@@ -86,7 +86,7 @@ class VelocityByPositionLimit:
         laws = limits.velocity_by_position
         joints = np.array([law.joint for law in laws], dtype=np.int64)
         self.joints = np.tile(joints, 2)
-        self.way = np.repeat([1.0, -1.0], len(laws))
+        self.sign = np.repeat([1.0, -1.0], len(laws))
         self._deceleration = np.tile([law.deceleration for law in laws], 2)
         self._offset = np.tile([law.offset for law in laws], 2)
         lower, upper = (np.array([getattr(law, end) for law in laws]) for end in ("lower", "upper"))
@@ -103,13 +103,13 @@ class VelocityByPositionLimit:
     def edge(self, fraction: float = 0.0) -> FloatArray:
         """Return positions of the limits' fall to a fraction of the largest, (2 I,) [rad or m]."""
         root = self._offset + fraction * self.largest
-        edge: FloatArray = self.way * (self._end - root**2 / (2 * self._deceleration))
+        edge: FloatArray = self.sign * (self._end - root**2 / (2 * self._deceleration))
         return edge
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return velocities and the limits' shortfall as fractions of the largest velocities."""
         allowed = self.allowed(at.position) / self.largest
-        rate = self.way * at.by_path[1][:, self.joints]
+        rate = self.sign * at.by_path[1][:, self.joints]
         rate = np.where((allowed == 0) & (rate < _STILL), np.minimum(rate, 0.0), rate)
         asks = (rate > 0) | (allowed == 0)
         terms = {0: np.where(asks, 1 - allowed, 0.0), 1: rate / self.largest}
@@ -119,13 +119,13 @@ class VelocityByPositionLimit:
         """Return the derivatives of the fractions by the path."""
         root = self._root(at.position)
         slope = self._deceleration / np.maximum(root, _MIN_ROOT * self.largest)
-        rate = self.way * at.by_path[1][:, self.joints]
+        rate = self.sign * at.by_path[1][:, self.joints]
         slope = np.where((root > self._offset) & (rate > 0), slope, 0.0)
         count, n = at.position.shape
         change = np.zeros((2, count, len(self.joints), n))
         every = np.arange(len(self.joints))
-        change[0][:, every, self.joints] = self.way * slope / self.largest
-        change[1][:, every, self.joints] = self.way * speed / self.largest
+        change[0][:, every, self.joints] = self.sign * slope / self.largest
+        change[1][:, every, self.joints] = self.sign * speed / self.largest
         return dict(enumerate(change))
 
     def key_of(self, at: PathSamples) -> IntArray:
@@ -141,10 +141,10 @@ class VelocityByPositionLimit:
     def refused(self, robot: RobotModel, q: FloatArray, column: int) -> Infeasible:
         """Return the refusal of a quantity that allows no motion at a configuration (n,)."""
         joint = int(self.joints[column])
-        name, way = robot.joint_names[joint], "up" if self.way[column] > 0 else "down"
+        name, sign = robot.joint_names[joint], "up" if self.sign[column] > 0 else "down"
         return Infeasible(
             PlanStatus.NO_TRAJECTORY,
-            f"joint '{name}' moves {way} at {q[joint]:.4f}, where limits.{self.kind} allows it no "
+            f"joint '{name}' moves {sign} at {q[joint]:.4f}, where limits.{self.kind} allows it no "
             f"velocity that way: from {self.edge()[column]:.4f} on; keep start, goal and tube away "
             "from the end of its range",
             Place(joint=name).at(robot.tool_position(q[None])[0]),
@@ -155,14 +155,14 @@ class VelocityByPositionLimit:
 
         A motion can end at the edge only if the offset is 0: the edge is the end of the range then.
         """
-        beyond = self.way * (goal[self.joints] - self.edge())
-        to_go = self.way * (goal - start)[self.joints]
+        beyond = self.sign * (goal[self.joints] - self.edge())
+        to_go = self.sign * (goal - start)[self.joints]
         allowed = np.where(self._offset > 0, -_STILL, _STILL)
         return np.flatnonzero((beyond > allowed) & (to_go > _STILL))
 
     def _root(self, q: FloatArray) -> FloatArray:
         """Return sqrt(2 d g) at configurations (N, n), shape (N, 2 I)."""
-        distance = np.maximum(self._end - self.way * q[:, self.joints], 0.0)
+        distance = np.maximum(self._end - self.sign * q[:, self.joints], 0.0)
         root: FloatArray = np.sqrt(2 * self._deceleration * distance)
         return root
 
@@ -202,7 +202,7 @@ def require_approachable(problem: PlanningProblem, start: FloatArray, goal: Floa
     for column in limit.out_of_reach(start, goal).tolist():
         are_given = all(end.joints is not None for end in problem.endpoints)
         # A certificate allows ends that are off by a tolerance.
-        nearer = goal - 2 * MARGIN_TOLERANCE * limit.way[column]
+        nearer = goal - 2 * MARGIN_TOLERANCE * limit.sign[column]
         proved = are_given and column in limit.out_of_reach(start, nearer)
         raise limit.refused(problem.robot, goal, column).replaced(proved=proved)
 

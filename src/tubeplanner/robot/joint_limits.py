@@ -86,11 +86,11 @@ class JointLimits:
         """Return the joints without a limit in a quantity, such as "jerk": indices, shape (k,)."""
         return np.flatnonzero(~np.isfinite(getattr(self, quantity)))
 
-    def effort_at(self, q: FloatArray, way: float) -> FloatArray:
+    def effort_at(self, q: FloatArray, sign: float) -> FloatArray:
         """Return the effort limits at configurations q, both (..., n), forwards or not (-1)."""
         allowed = np.broadcast_to(self.effort, np.shape(q)).copy()
         for each in self.effort_ranges:
-            allowed[..., each.joint] = each.allowed(q[..., each.joint], way)
+            allowed[..., each.joint] = each.allowed(q[..., each.joint], sign)
         return allowed
 
     def clip(self, q: FloatArray) -> FloatArray:

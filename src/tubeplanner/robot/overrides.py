@@ -312,17 +312,17 @@ class EffortRange:
             self.joint, self.position, factor * self.backwards, factor * self.forwards
         )
 
-    def side(self, way: float) -> FloatArray:
+    def side(self, sign: float) -> FloatArray:
         """Return the limits along (1) or against (-1) the joint's direction, shape (K,)."""
-        return self.forwards if way > 0 else self.backwards
+        return self.forwards if sign > 0 else self.backwards
 
-    def allowed(self, q: FloatArray, way: float) -> FloatArray:
+    def allowed(self, q: FloatArray, sign: float) -> FloatArray:
         """Return the limits in a direction (1 or -1) at positions of the joint, shape (N,)."""
-        return np.interp(q, self.position, self.side(way))
+        return np.interp(q, self.position, self.side(sign))
 
-    def slope(self, q: FloatArray, way: float) -> FloatArray:
+    def slope(self, q: FloatArray, sign: float) -> FloatArray:
         """Return the derivatives of `allowed`, shape (N,); at a corner, the right derivative."""
-        slopes = np.diff(self.side(way)) / np.diff(self.position)
+        slopes = np.diff(self.side(sign)) / np.diff(self.position)
         between = np.concatenate([[0.0], slopes, [0.0]])
         return between[np.searchsorted(self.position, q, side="right")]
 

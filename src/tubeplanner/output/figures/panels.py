@@ -78,7 +78,7 @@ def draw_velocities(axis: "Axes", curves: TrajectoryCurves) -> None:
     most = np.where(np.isfinite(own), own, 1.2 * abs(samples.velocity).max())
     law = VelocityByPositionLimit(limits)
     towards_ends = law.allowed(samples.position).T
-    for joint, sign, allowed in zip(law.joints, law.way, towards_ends, strict=True):
+    for joint, sign, allowed in zip(law.joints, law.sign, towards_ends, strict=True):
         less = np.where(allowed < most[joint], sign * allowed / unit[joint], np.nan)
         axis.plot(samples.time, less, **{**LIMIT, "color": LINE_COLORS[joint % len(LINE_COLORS)]})
 

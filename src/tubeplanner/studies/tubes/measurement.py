@@ -89,7 +89,7 @@ def measured_tube(
     problem: PlanningProblem,
     options: MeasureOptions,
     clock: PlanningClock,
-    way: FloatArray | None = None,
+    guide: FloatArray | None = None,
     kept: KeptSegments | None = None,
 ) -> TubeMeasurement:
     """Measure as `measure_tube` does, under a clock.
@@ -98,7 +98,7 @@ def measured_tube(
         problem: The planning problem.
         options: How to measure.
         clock: Announces progress and may end the work.
-        way: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
+        guide: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
             trajectories are planned.
         kept: Results of segments measured before; new results are added.
 
@@ -122,7 +122,7 @@ def measured_tube(
     widest = whole.with_tube(whole.tube.with_radius(options.max_radius))
     try:
         widest, _ = configured_ends(widest)
-        results = _segments_of_some_branch(widest, options, clock, way, kept or KeptSegments())
+        results = _segments_of_some_branch(widest, options, clock, guide, kept or KeptSegments())
     except Infeasible as reason:
         return TubeMeasurement(
             reason.status, str(reason), reason.place, measuring_time=clock.elapsed
@@ -144,7 +144,7 @@ def _segments_of_some_branch(
     problem: PlanningProblem,
     options: MeasureOptions,
     clock: PlanningClock,
-    way: FloatArray | None,
+    guide: FloatArray | None,
     kept: KeptSegments,
 ) -> tuple[SegmentMeasurement, ...]:
     """Return the measured segments around the first branch with free space around it.
@@ -162,7 +162,7 @@ def _segments_of_some_branch(
         for extra in EXTRA_CLEARANCES:
             try:
                 around = BranchNeighbourhood(problem, branch, options, extra, clock.check)
-                return _segments(around, clock, way, kept)
+                return _segments(around, clock, guide, kept)
             except Infeasible as reason:
                 first = first or reason
     assert first is not None
@@ -170,7 +170,7 @@ def _segments_of_some_branch(
 
 
 def _segments(
-    around: BranchNeighbourhood, clock: PlanningClock, way: FloatArray | None, kept: KeptSegments
+    around: BranchNeighbourhood, clock: PlanningClock, guide: FloatArray | None, kept: KeptSegments
 ) -> tuple[SegmentMeasurement, ...]:
     """Return the measured segments around a branch.
 
@@ -183,10 +183,10 @@ def _segments(
     for k in range(around.count):
         around.require_space(k)
     best: list[SegmentSearch] = []
-    if way is None:
+    if guide is None:
         best = _traded(around, clock)
     else:  # sets for the needs of the trajectory, as far as there is space
-        for k, part in enumerate(around.parts(way)):
+        for k, part in enumerate(around.parts(guide)):
             clock.announce(Progress(f"measuring segment {k + 1} of {around.count}"))
             best.append(around.kept_search(k, part, kept))
     final = []

@@ -58,7 +58,7 @@ def measured_plan(
     band: float,
     options: MeasureOptions,
     clock: PlanningClock,
-    way: FloatArray | None = None,
+    guide: FloatArray | None = None,
 ) -> PlannedTube:
     """Measure the tube around corners of a route, and plan the trajectory.
 
@@ -69,7 +69,7 @@ def measured_plan(
         band: Width by which joints may leave the corners' ranges, before measuring [rad or m].
         options: How to measure.
         clock: Announces progress and may end the work.
-        way: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
+        guide: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
             trajectories are planned.
 
     Raises:
@@ -81,7 +81,7 @@ def measured_plan(
         whole = in_tube(problem, corners, band, options.max_radius)
         try:
             with clock.within(f"tube {parted + 1} of at most {_MAX_PARTINGS + 1}"):
-                measured = measured_tube(whole, options, clock, way, kept)
+                measured = measured_tube(whole, options, clock, guide, kept)
                 if measured.problem is None:
                     raise Infeasible(measured.status, measured.message, measured.place)
                 clock.enter("planning through the measured tube")

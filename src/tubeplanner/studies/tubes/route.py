@@ -160,7 +160,7 @@ class _Compared:
         return PlannedTube(self.problem, self.result)
 
     @property
-    def way(self) -> FloatArray:
+    def guide(self) -> FloatArray:
         assert self.result.trajectory is not None
         return self.result.trajectory.per_piece(_SAMPLES_PER_PIECE).position
 
@@ -253,7 +253,7 @@ class _RouteFinder:
         for k, each in enumerate(compared):
             try:
                 with self.clock.within(f"route {k + 1} of at most {len(compared)}"):
-                    self.measured = self._measured(each.route, each.way)
+                    self.measured = self._measured(each.route, each.guide)
             except Infeasible as why:
                 reason = reason or why
                 continue
@@ -280,11 +280,11 @@ class _RouteFinder:
         assert reason is not None
         raise reason
 
-    def _measured(self, route: RouteCandidate, way: FloatArray | None) -> PlannedTube:
+    def _measured(self, route: RouteCandidate, guide: FloatArray | None) -> PlannedTube:
         options = self._options
         how = measure_options(options.max_radius, options.samples, options.seed)
         return measured_plan(
-            self._problem, route.space, route.corners, options.band, how, self.clock, way
+            self._problem, route.space, route.corners, options.band, how, self.clock, guide
         )
 
     def _offer(self, found: PlannedTube) -> None:
@@ -362,9 +362,9 @@ def route_candidates(
         wider = replace(problem.farther_apart(margin), goal=goals[0])
         trajectory = plan_under(clock, wider, "fast").trajectory
         q = None if trajectory is None else trajectory.per_piece(_SAMPLES_PER_PIECE).position
-        way = _candidates(problem.robot, space, q)
-        candidates += way
-        if way or clock.used > _FRACTION_OF_TIME:
+        guide = _candidates(problem.robot, space, q)
+        candidates += guide
+        if guide or clock.used > _FRACTION_OF_TIME:
             break
     return sorted(candidates, key=lambda candidate: candidate.joint_time)
 

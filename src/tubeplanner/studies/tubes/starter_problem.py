@@ -112,8 +112,8 @@ def _starts(robot: RobotModel, checker: CollisionChecker) -> Iterator[FloatArray
     """Yield configurations without self-collision that take little effort to hold."""
     for q in typical_configurations(robot).round(_DIGITS):
         effort = robot.gravity_effort(q)
-        ways = np.array([robot.limits.effort_at(q, way) for way in (1.0, -1.0)])
-        is_held = bool((abs(effort) <= _HELD * ways.min(axis=0)).all())
+        by_sign = np.array([robot.limits.effort_at(q, sign) for sign in (1.0, -1.0)])
+        is_held = bool((abs(effort) <= _HELD * by_sign.min(axis=0)).all())
         if is_held and not checker.any_overlap(*robot.body_poses(q), checker.pairs):
             yield q
 

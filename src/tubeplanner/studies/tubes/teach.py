@@ -270,7 +270,7 @@ def without_ways_back(
     joint = -1  # where the last removed detour was
     while True:
         tool = robot.tool_position(q)
-        detour = _way_back(q, tool, deviation)
+        detour = _detour(q, tool, deviation)
         if detour is None:
             break
         i, j = detour
@@ -293,7 +293,7 @@ def without_ways_back(
     return q, turns
 
 
-def _way_back(q: FloatArray, tool: FloatArray, deviation: float) -> tuple[int, int] | None:
+def _detour(q: FloatArray, tool: FloatArray, deviation: float) -> tuple[int, int] | None:
     """Return the ends of a way out and straight back: two samples in the same configuration."""
     corners = simplified(tool, deviation)
     pairs = [_retreat(tool, a, b) for a, b in pairwise(corners)]
@@ -303,8 +303,8 @@ def _way_back(q: FloatArray, tool: FloatArray, deviation: float) -> tuple[int, i
         pairs += [(out, c), (a, back)]
     for i, j in pairs:
         is_near = np.linalg.norm(tool[i] - tool[j]) <= 2 * deviation
-        is_way = np.linalg.norm(tool[i : j + 1] - tool[i], axis=1).max() > 2 * deviation
-        if is_near and is_way and abs(q[i] - q[j]).max() <= _SAME_CONFIGURATION:
+        is_away = np.linalg.norm(tool[i : j + 1] - tool[i], axis=1).max() > 2 * deviation
+        if is_near and is_away and abs(q[i] - q[j]).max() <= _SAME_CONFIGURATION:
             return i, j
     return None
 
