@@ -101,9 +101,9 @@ def near_distances(pair: Pair, poses: Poses, below: np.ndarray) -> np.ndarray:
     """
     spheres, displacement = _sphere_distance(pair, poses), _displacement(pair, poses)
     found = np.full(len(below), math.inf)
-    stretches = [(0, len(below) - 1)]
-    while stretches:
-        low, high = stretches.pop()
+    intervals = [(0, len(below) - 1)]
+    while intervals:
+        low, high = intervals.pop()
         inside = slice(low, high + 1)
         if (spheres[inside] >= below[inside]).all():
             continue
@@ -113,7 +113,7 @@ def near_distances(pair: Pair, poses: Poses, below: np.ndarray) -> np.ndarray:
         moved = displacement[high] - displacement[low]
         if high - low > 1 and (found[low] + found[high] - moved) / 2 < below[inside].max():
             middle = (low + high) // 2
-            stretches += [(low, middle), (middle, high)]
+            intervals += [(low, middle), (middle, high)]
     return found
 
 

@@ -22,7 +22,7 @@ from tubeplanner.optimizer.stages import SecondStage
 from tubeplanner.optimizer.starts import knot_grid
 from tubeplanner.robot.overrides import EffortRange
 from tubeplanner.trajectory.joint_trajectory import from_spline
-from tubeplanner.trajectory.parts import common_stretches
+from tubeplanner.trajectory.parts import common_intervals
 
 ENDS = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
@@ -340,7 +340,7 @@ def test_a_second_stage_has_time_by_exact_scaling_and_watches_reversals_where_it
         assert stage._has_time_with_friction(spline, longest) == (longest > least)
         samples = stage._program.iterate(spline).watched[0].evaluation_points
         counts.append(len(samples.phase))
-    reversals = common_stretches(shape).start > 0
+    reversals = common_intervals(shape).start > 0
     assert counts[1] - counts[0] == reversals.sum() > 0
     watched = samples.times(spline.switching_times)[counts[0] :]
     np.testing.assert_allclose(shape.velocity(watched).min(axis=1), 0.0, atol=1e-6)

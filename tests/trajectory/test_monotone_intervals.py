@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
 
 from tubeplanner import JointTrajectory
-from tubeplanner.trajectory.parts import STILL_FRACTION, directed_stretches, sign_changes
+from tubeplanner.trajectory.parts import STILL_FRACTION, monotone_intervals, sign_changes
 
 
 def rows_of(polynomials, degree):
@@ -72,32 +72,32 @@ def moved(velocities, widths=(1.0,)):
 
 def test_stretches_end_at_reversals_and_pieces():
     v = np.poly1d([0.2, 0.7], r=True)
-    stretches = directed_stretches(moved([[v, np.poly1d([-1.0])]]))
-    same(stretches.joint, [0, 0, 0, 1])
-    same(stretches.direction, [1, -1, 1, -1])
-    close(stretches.start, [0, 0.2, 0.7, 0], atol=1e-12)
-    close(stretches.end, [0.2, 0.7, 1, 1], atol=1e-12)
+    intervals = monotone_intervals(moved([[v, np.poly1d([-1.0])]]))
+    same(intervals.joint, [0, 0, 0, 1])
+    same(intervals.direction, [1, -1, 1, -1])
+    close(intervals.start, [0, 0.2, 0.7, 0], atol=1e-12)
+    close(intervals.end, [0.2, 0.7, 1, 1], atol=1e-12)
 
 
 @pytest.mark.parametrize("at", [0.25, 0.5, 0.75, 0.371])
 def test_a_joint_that_stops_and_goes_on_moves_one_way(at):
     """The stop may also be at a sample of the velocity."""
     touching = np.poly1d([at, at], r=True) * np.poly1d([1.0, 0.0, 0.5])
-    stretches = directed_stretches(moved([[touching]]))
-    lasting = stretches.end - stretches.start > 1e-6
-    same(stretches.direction[lasting], np.ones(lasting.sum()))
+    intervals = monotone_intervals(moved([[touching]]))
+    lasting = intervals.end - intervals.start > 1e-6
+    same(intervals.direction[lasting], np.ones(lasting.sum()))
 
 
 @pytest.mark.parametrize(("fraction", "direction"), [(1.1, -1.0), (0.9, 0.0), (0.0, 0.0)])
 def test_a_joint_far_slower_than_the_fastest_stands_still(fraction, direction):
     slow = np.poly1d([-2.0 * STILL_FRACTION * fraction])
-    stretches = directed_stretches(moved([[np.poly1d([2.0]), slow]]))
-    same(stretches.direction, [1.0, direction])
+    intervals = monotone_intervals(moved([[np.poly1d([2.0]), slow]]))
+    same(intervals.direction, [1.0, direction])
 
 
 def test_where_nothing_moves_all_stand_still():
-    stretches = directed_stretches(moved([[np.poly1d([0.0])] * 2] * 3, (1.0, 2.0, 1.0)))
-    same(stretches.direction, np.zeros(6))
+    intervals = monotone_intervals(moved([[np.poly1d([0.0])] * 2] * 3, (1.0, 2.0, 1.0)))
+    same(intervals.direction, np.zeros(6))
 
 
 def test_directions_are_those_of_the_velocity():
@@ -105,16 +105,16 @@ def test_directions_are_those_of_the_velocity():
     widths = rng.uniform(0.2, 0.8, 4)
     velocities = [[np.poly1d(rng.uniform(-0.2, 0.8, 3), r=True) for _ in range(3)] for _ in widths]
     trajectory = moved(velocities, widths)
-    stretches = directed_stretches(trajectory)
+    intervals = monotone_intervals(trajectory)
     piece, fraction = np.repeat(np.arange(4), 301), np.tile(np.linspace(0, 1, 301), 4)
     v = trajectory.within(piece, fraction * widths[piece], 1)
     clear = abs(v) > 1e-4
-    same(stretches.at(piece, fraction)[clear], np.sign(v)[clear])
-    assert len(stretches.joint) > 12
+    same(intervals.at(piece, fraction)[clear], np.sign(v)[clear])
+    assert len(intervals.joint) > 12
 
 
 def test_at_a_reversal_it_is_the_next_direction_and_at_the_end_the_last():
     v = np.poly1d([0.5], r=True)
-    stretches = directed_stretches(moved([[v], [-v]], (1.0, 1.0)))
-    directions = stretches.at(np.array([0, 0, 0, 1, 1]), np.array([0.0, 0.5, 1.0, 0.0, 1.0]))
+    intervals = monotone_intervals(moved([[v], [-v]], (1.0, 1.0)))
+    directions = intervals.at(np.array([0, 0, 0, 1, 1]), np.array([0.0, 0.5, 1.0, 0.0, 1.0]))
     same(directions[:, 0], [-1, 1, 1, 1, -1])

@@ -8,7 +8,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.certificate.enclosure import Enclosure
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.trajectory.parts import DirectedStretches, SignChanges, sign_changes
+from tubeplanner.trajectory.parts import MonotoneIntervals, SignChanges, sign_changes
 from tubeplanner.trajectory.polynomials import restricted
 
 
@@ -69,7 +69,7 @@ def directed_efforts(
     robot: RobotModel,
     trajectory: JointTrajectory,
     smooth: Enclosure,
-    stretches: DirectedStretches,
+    intervals: MonotoneIntervals,
     joints: IntArray,
 ) -> DirectedEfforts:
     """Return the efforts of some joints.
@@ -78,10 +78,10 @@ def directed_efforts(
         robot: The arm.
         trajectory: In the robot's joint order.
         smooth: Its efforts without Coulomb friction.
-        stretches: Of the trajectory.
+        intervals: Of the trajectory.
         joints: Indices of the joints, shape (k,).
     """
-    instants = _instants(robot, trajectory, stretches, joints)
+    instants = _instants(robot, trajectory, intervals, joints)
     parts = _parts(trajectory, smooth, instants, joints)
     joint, interval, piece = parts.joint, parts.interval, parts.piece
     start = smooth.start[interval] + smooth.width[interval] * parts.start
@@ -96,7 +96,7 @@ def directed_efforts(
     position, velocity, effort = (
         np.pad(rows, ((most - len(rows), 0), (0, 0))) for rows in polynomials
     )
-    direction = stretches.at(piece, (local + width / 2) / trajectory.widths[piece])
+    direction = intervals.at(piece, (local + width / 2) / trajectory.widths[piece])
     row = np.arange(len(joint))
     dry = robot.motors.coulomb_effort(direction)[row, joint]
     friction = robot.motors.viscous_friction[joint] * velocity
@@ -109,11 +109,11 @@ def directed_efforts(
 
 
 def _instants(
-    robot: RobotModel, trajectory: JointTrajectory, stretches: DirectedStretches, joints: IntArray
+    robot: RobotModel, trajectory: JointTrajectory, intervals: MonotoneIntervals, joints: IntArray
 ) -> SignChanges:
     """Return the instants at which joints reverse or pass corners of their effort limits."""
-    inside = stretches.start > 0
-    instants = [(stretches.joint[inside], stretches.piece[inside], stretches.start[inside])]
+    inside = intervals.start > 0
+    instants = [(intervals.joint[inside], intervals.piece[inside], intervals.start[inside])]
     for table in robot.limits.effort_ranges:
         beyond = np.repeat(trajectory.coefficients[:, :, [table.joint]], len(table.position), 2)
         beyond[-1] -= table.position

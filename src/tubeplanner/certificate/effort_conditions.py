@@ -161,22 +161,22 @@ def friction_jumps(motion: JudgedMotion, joints: BoolArray) -> str:
         motion: The motion.
         joints: True for joints whose friction counts, shape (n,).
     """
-    robot, trajectory, stretches = motion.robot, motion.trajectory, motion.stretches
+    robot, trajectory, intervals = motion.robot, motion.trajectory, motion.intervals
     motors = robot.motors
     jump = motors.backwards_friction + motors.forwards_friction
     jump = np.where(joints, jump * (1 + motors.friction_uncertainty), 0.0)
     if not jump.any():
         return ""
-    moving = np.flatnonzero(stretches.direction)
+    moving = np.flatnonzero(intervals.direction)
     before, after = moving[:-1], moving[1:]
-    reverses = stretches.direction[before] != stretches.direction[after]
-    reverses &= stretches.joint[before] == stretches.joint[after]
-    at = after[reverses & (jump[stretches.joint[after]] > 0)]
+    reverses = intervals.direction[before] != intervals.direction[after]
+    reverses &= intervals.joint[before] == intervals.joint[after]
+    at = after[reverses & (jump[intervals.joint[after]] > 0)]
     if len(at) == 0:
         return "Coulomb friction does not jump: no joint reverses"
-    worst = at[jump[stretches.joint[at]].argmax()]
-    joint, piece = stretches.joint[worst], stretches.piece[worst]
-    time = trajectory.breakpoints[piece] + stretches.start[worst] * trajectory.widths[piece]
+    worst = at[jump[intervals.joint[at]].argmax()]
+    joint, piece = intervals.joint[worst], intervals.piece[worst]
+    time = trajectory.breakpoints[piece] + intervals.start[worst] * trajectory.widths[piece]
     unit = "N m" if robot.revolute[joint] else "N"
     place = Place(time=float(time), joint=robot.joint_names[joint])
     return (

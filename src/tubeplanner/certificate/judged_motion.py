@@ -24,7 +24,7 @@ from tubeplanner.outcome import MARGIN_TOLERANCE, Place
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.trajectory.parts import DirectedStretches, directed_stretches
+from tubeplanner.trajectory.parts import MonotoneIntervals, monotone_intervals
 from tubeplanner.trajectory.polynomials import peak_magnitudes
 
 # ---- A condition of a certificate: margin, location, coverage.
@@ -185,9 +185,9 @@ class JudgedMotion:
         return visits(self.problem, self.trajectory, self.tool, self.rotation, self.further)
 
     @cached_property
-    def stretches(self) -> DirectedStretches:
+    def intervals(self) -> MonotoneIntervals:
         """The intervals in which joints move without reversal, and their directions."""
-        return directed_stretches(self.trajectory)
+        return monotone_intervals(self.trajectory)
 
     @cached_property
     def smooth_efforts(self) -> Enclosure:
@@ -198,7 +198,7 @@ class JudgedMotion:
     def efforts_of(self, joints: IntArray) -> DirectedEfforts:
         """Return the efforts of some joints, shape (k,), with Coulomb friction."""
         return directed_efforts(
-            self.robot, self.trajectory, self.smooth_efforts, self.stretches, joints
+            self.robot, self.trajectory, self.smooth_efforts, self.intervals, joints
         )
 
     @cached_property

@@ -10,7 +10,7 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.outcome import Place
 from tubeplanner.robot.model import RobotModel, effort_rate, gravity_effort_rate
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.trajectory.parts import directed_stretches
+from tubeplanner.trajectory.parts import monotone_intervals
 
 
 @dataclass(frozen=True)
@@ -122,13 +122,13 @@ def path_steps(trajectory: JointTrajectory, count: int, per_piece: int) -> PathS
     """
     pieces = len(trajectory.widths)
     each = max(per_piece, -(-count // pieces))
-    stretches = directed_stretches(trajectory)
+    intervals = monotone_intervals(trajectory)
     # Counted in pieces.
     regular = np.arange(pieces * each) / each
-    begin = np.unique(np.append(regular, stretches.piece + stretches.start))
+    begin = np.unique(np.append(regular, intervals.piece + intervals.start))
     piece = begin.astype(np.int64)
     fraction = np.stack([begin, np.append(begin[1:], pieces)]) - piece
-    direction = stretches.at(piece, fraction.mean(axis=0))
+    direction = intervals.at(piece, fraction.mean(axis=0))
     return PathSteps(trajectory, piece, fraction * trajectory.widths[piece], direction)
 
 

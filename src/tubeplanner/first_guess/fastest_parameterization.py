@@ -23,7 +23,7 @@ from tubeplanner.limits.rates import ToolSpeed
 from tubeplanner.limits.speed_limits import largest_speeds, speed_limits
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.trajectory.parts import directed_stretches
+from tubeplanner.trajectory.parts import monotone_intervals
 
 # ---- Limits on the speed along a given path q(s): linear in s'' and s'^2, but for one term.
 
@@ -65,8 +65,8 @@ class PathRows:
 
 def with_reversals(path: JointTrajectory, arc_length: FloatArray, apart: float) -> FloatArray:
     """Return arc lengths, and reversals of joints that are more than `apart` away from all."""
-    stretches = directed_stretches(path)
-    reversals = path.breakpoints[stretches.piece] + stretches.start * path.widths[stretches.piece]
+    intervals = monotone_intervals(path)
+    reversals = path.breakpoints[intervals.piece] + intervals.start * path.widths[intervals.piece]
     reversals = np.unique(reversals)
     away = abs(reversals[:, None] - arc_length).min(axis=1)
     return np.union1d(arc_length, reversals[away > apart])
@@ -94,7 +94,7 @@ def path_rows(
     inner, middle = path.breakpoints[1:-1], (arc_length[:-1] + arc_length[1:]) / 2
     piece = np.searchsorted(inner, middle)
     fraction = (middle - path.breakpoints[piece]) / path.widths[piece]
-    direction = directed_stretches(path).at(piece, fraction)
+    direction = monotone_intervals(path).at(piece, fraction)
     friction = partial(directed_friction, problem.robot.motors, direction)
     begins, ends = arc_length[:-1], arc_length[1:]
     after, before = np.searchsorted(inner, begins, "right"), np.searchsorted(inner, ends)

@@ -7,7 +7,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
-from tubeplanner.trajectory.parts import STILL_FRACTION, directed_stretches
+from tubeplanner.trajectory.parts import STILL_FRACTION, monotone_intervals
 
 
 def motor_effort(
@@ -38,7 +38,7 @@ def coulomb_effort(
     starts, widths = trajectory.breakpoints, trajectory.widths
     piece = np.searchsorted(starts[1:-1], samples.time, side="right")
     fraction = (samples.time - starts[piece]) / widths[piece]
-    beside = directed_stretches(trajectory).at(piece, fraction)
+    beside = monotone_intervals(trajectory).at(piece, fraction)
     moves = abs(velocity) > STILL_FRACTION * abs(velocity).max()
     return robot.motors.coulomb_effort(np.where(moves, velocity, beside))
 

@@ -19,7 +19,7 @@ from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.limits.tube_membership import current_segments, tube_use
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
-from tubeplanner.trajectory.parts import directed_stretches
+from tubeplanner.trajectory.parts import monotone_intervals
 
 
 def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
@@ -138,7 +138,7 @@ def limit_uses(
     friction = None
     if motors.has_coulomb_friction:  # at a breakpoint, each sample has that of its piece
         piece, sample = np.divmod(np.arange(len(segment)), count)
-        direction = directed_stretches(trajectory).at(piece, sample / (count - 1))
+        direction = monotone_intervals(trajectory).at(piece, sample / (count - 1))
         friction = partial(directed_friction, motors, direction)
     at = PathSamples(problem, state, lambda: segment, friction)
     uses = [*_position_uses(problem, samples.position, segment), *_tool_uses(at)]

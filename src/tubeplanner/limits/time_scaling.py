@@ -20,7 +20,7 @@ from tubeplanner.limits.speed_limits import largest_speeds, rates_and_others, sp
 from tubeplanner.limits.tube_membership import nearest_segments
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
-from tubeplanner.trajectory.parts import CommonStretches, common_stretches
+from tubeplanner.trajectory.parts import CommonIntervals, common_intervals
 from tubeplanner.trajectory.polynomials import bernstein_coefficients, peak_magnitudes
 
 # Samples: with many pieces, fewer of each.
@@ -105,7 +105,7 @@ def minimum_duration(
     factor = min(
         _rate_factor(rates, trajectory, exact=True),
         _least(problem, smooth, trajectory, segments),
-        _least_of_stretches(problem, jumping, trajectory, segments),
+        _least_of_intervals(problem, jumping, trajectory, segments),
     )
     return trajectory.duration / factor * (1 + _SAFETY)
 
@@ -219,7 +219,7 @@ def _least(
     return -highest
 
 
-def _least_of_stretches(
+def _least_of_intervals(
     problem: PlanningProblem,
     limits: tuple[SpeedLimit, ...],
     trajectory: JointTrajectory,
@@ -233,22 +233,22 @@ def _least_of_stretches(
         return np.inf
     motors = problem.robot.motors
     if motors.has_coulomb_friction:
-        stretches = common_stretches(trajectory)
+        intervals = common_intervals(trajectory)
     else:  # whole pieces: directions do not matter
         pieces = len(trajectory.widths)
         none = np.zeros((pieces, len(trajectory.joint_names)))
-        stretches = CommonStretches(np.arange(pieces), np.zeros(pieces), np.ones(pieces), none)
+        intervals = CommonIntervals(np.arange(pieces), np.zeros(pieces), np.ones(pieces), none)
 
-    def negative(stretch: IntArray, fraction: FloatArray) -> FloatArray:
-        piece, begin = stretches.piece[stretch], stretches.start[stretch]
-        place = begin + fraction * (stretches.end[stretch] - begin)
+    def negative(interval: IntArray, fraction: FloatArray) -> FloatArray:
+        piece, begin = intervals.piece[interval], intervals.start[interval]
+        place = begin + fraction * (intervals.end[interval] - begin)
         local = place * trajectory.widths[piece]
         state = tuple(trajectory.within(piece, local, order) for order in range(_JERK + 1))
         own = None if segments is None else segments[piece]
-        friction = partial(directed_friction, motors, stretches.direction[stretch])
+        friction = partial(directed_friction, motors, intervals.direction[interval])
         return -_held_factor(problem, limits, state, own, friction)
 
-    count, fraction = len(stretches.piece), np.linspace(0, 1, _MIN_PER_PIECE)
+    count, fraction = len(intervals.piece), np.linspace(0, 1, _MIN_PER_PIECE)
     value = negative(np.repeat(np.arange(count), len(fraction)), np.tile(fraction, count))
     band = _VALLEY_FRACTION * float(-value.max())
     return -refined_maximum_of_pieces(negative, value.reshape(count, -1), band=band)

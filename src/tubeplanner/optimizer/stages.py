@@ -27,7 +27,7 @@ from tubeplanner.optimizer.step_objective import MeasuredObjective
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
-from tubeplanner.trajectory.parts import common_stretches
+from tubeplanner.trajectory.parts import common_intervals
 
 # ---- Phase 2: path and speed optimised together, from coarse to fine knots.
 #
@@ -534,9 +534,9 @@ class SecondStage:
                 return True
         except Infeasible:
             pass
-        stretches = common_stretches(shape)
-        begin = shape.breakpoints[stretches.piece] + stretches.start * shape.widths[stretches.piece]
-        self._program.constraints.watch(spline, begin[stretches.start > 0])
+        intervals = common_intervals(shape)
+        begin = shape.breakpoints[intervals.piece] + intervals.start * shape.widths[intervals.piece]
+        self._program.constraints.watch(spline, begin[intervals.start > 0])
         return False
 
 

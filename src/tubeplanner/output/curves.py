@@ -41,7 +41,7 @@ _MAX_MARKED = 24  # segments that are marked singly; more are marked in groups w
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class MotionSection:
     """A section of a motion under one problem.
 
     Attributes:
@@ -274,9 +274,9 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
     The arm of each carries the parts of that leg or rest.
     """
     legs = []
-    for stretch in cycle_stretches(cycle, motion):
-        curves = trajectory_curves(stretch.problem, stretch.trajectory)
-        later = replace(curves.samples, time=curves.samples.time + stretch.begin)
+    for section in cycle_sections(cycle, motion):
+        curves = trajectory_curves(section.problem, section.trajectory)
+        later = replace(curves.samples, time=curves.samples.time + section.begin)
         legs.append(replace(curves, samples=later))
     result: list[TrajectoryCurves] = []
     for k, leg in enumerate(legs):
@@ -287,22 +287,22 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
 def limited_motions(cycle: Cycle, motion: CycleMotion) -> list[LimitedMotion]:
     """Return the use of limits of all legs, in order."""
     return [
-        limited_motion(stretch.problem, stretch.trajectory, stretch.begin)
-        for stretch in cycle_stretches(cycle, motion)
+        limited_motion(section.problem, section.trajectory, section.begin)
+        for section in cycle_sections(cycle, motion)
     ]
 
 
-def cycle_stretches(cycle: Cycle, motion: CycleMotion) -> tuple[Stretch, ...]:
+def cycle_sections(cycle: Cycle, motion: CycleMotion) -> tuple[MotionSection, ...]:
     """Return the legs of a motion, each under its problem."""
     # Problems are those under the judge, by which the segment at each time is decided.
-    stretches = []
+    sections = []
     for k, (leg, (begin, _)) in enumerate(zip(motion.legs, motion.leg_times, strict=True)):
         try:
             problem = cycle.problem(k, motion.seams[: k + 1])
         except ProblemError:  # where the leg begins there is no solution: it fails, but is drawn
             problem = cycle.problem_from_anywhere(k)
-        stretches.append(Stretch(problem, leg, begin))
-    return tuple(stretches)
+        sections.append(MotionSection(problem, leg, begin))
+    return tuple(sections)
 
 
 def _rest_curves(

@@ -192,7 +192,7 @@ _JUST_BELOW_ONE = 1 - 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class DirectedStretches:
+class MonotoneIntervals:
     """S intervals in which a joint does not reverse, sorted by joint and then in time.
 
     Attributes:
@@ -231,7 +231,7 @@ class DirectedStretches:
 
 
 @dataclass(frozen=True, eq=False)
-class CommonStretches:
+class CommonIntervals:
     """S intervals of a trajectory in which no joint reverses, in time.
 
     Attributes:
@@ -247,17 +247,17 @@ class CommonStretches:
     direction: FloatArray
 
 
-def common_stretches(trajectory: JointTrajectory) -> CommonStretches:
+def common_intervals(trajectory: JointTrajectory) -> CommonIntervals:
     """Return the intervals between ends of pieces and reversals of any joint."""
-    stretches = directed_stretches(trajectory)
-    begin = np.unique(np.stack([stretches.piece, stretches.start], axis=1), axis=0)
+    intervals = monotone_intervals(trajectory)
+    begin = np.unique(np.stack([intervals.piece, intervals.start], axis=1), axis=0)
     piece, start = begin[:, 0].astype(np.int64), begin[:, 1]
     is_last = np.append(np.diff(piece) != 0, True)
     end = np.where(is_last, 1.0, np.roll(start, -1))
-    return CommonStretches(piece, start, end, stretches.at(piece, (start + end) / 2))
+    return CommonIntervals(piece, start, end, intervals.at(piece, (start + end) / 2))
 
 
-def directed_stretches(trajectory: JointTrajectory) -> DirectedStretches:
+def monotone_intervals(trajectory: JointTrajectory) -> MonotoneIntervals:
     """Return the intervals of every joint between ends of pieces and changes of velocity's sign."""
     velocity = trajectory.derivative_coefficients(1)
     pieces, n = velocity.shape[1:]
@@ -279,4 +279,4 @@ def directed_stretches(trajectory: JointTrajectory) -> DirectedStretches:
     # More than one sample: the joint may stop at an instant and go on.
     fastest = value[np.arange(len(value)), abs(value).argmax(axis=1)]
     direction = np.where(abs(fastest) > still, np.sign(fastest), 0.0)
-    return DirectedStretches(joint, piece, start, end, direction)
+    return MonotoneIntervals(joint, piece, start, end, direction)

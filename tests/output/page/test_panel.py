@@ -8,7 +8,7 @@ from stored_trajectories import REFINEMENT
 from tubeplanner import PlanningProblem, Tube
 from tubeplanner.limits.binding_limits import binding_rows
 from tubeplanner.limits.speed_limits import POSITION
-from tubeplanner.output.curves import Stretch, cycle_stretches
+from tubeplanner.output.curves import MotionSection, cycle_sections
 from tubeplanner.output.drawing import LINE_COLORS, SEGMENT_COLORS
 from tubeplanner.output.page.panel import (
     binding_marks,
@@ -21,25 +21,25 @@ STEPS = 240
 
 
 @pytest.fixture(scope="module")
-def stretch(stored):
+def section(stored):
     """A fast motion over a wall."""
-    return Stretch(*stored("ur5/over_the_wall", REFINEMENT))
+    return MotionSection(*stored("ur5/over_the_wall", REFINEMENT))
 
 
 @pytest.fixture(scope="module")
-def curves(stretch):
+def curves(section):
     """Times, and the curves of the page."""
-    time = np.linspace(0, stretch.trajectory.duration, STEPS)
-    return time, page_curves([stretch], time)
+    time = np.linspace(0, section.trajectory.duration, STEPS)
+    return time, page_curves([section], time)
 
 
-def test_a_line_is_the_largest_share_of_a_joints_limits(stretch, curves):
+def test_a_line_is_the_largest_share_of_a_joints_limits(section, curves):
     time, curves = curves
     lines = {line["name"]: line for line in curves["limits"]["lines"]}
-    assert [*lines] == [*stretch.problem.robot.joint_names, "tool"]
-    own = stretch.uses.samples.time
-    for j, name in enumerate(stretch.problem.robot.joint_names):
-        fractions = {use.kind: use.fraction for use in stretch.uses.uses if use.joint == j}
+    assert [*lines] == [*section.problem.robot.joint_names, "tool"]
+    own = section.uses.samples.time
+    for j, name in enumerate(section.problem.robot.joint_names):
+        fractions = {use.kind: use.fraction for use in section.uses.uses if use.joint == j}
         del fractions[POSITION]
         line = lines[name]
         assert line["color"] == LINE_COLORS[j]
@@ -76,7 +76,7 @@ def test_a_limit_on_the_tools_speed_is_that_of_the_segment(stored, curves):
     slow = Tube(tube.points, tube.radius, tool_speed=[None, 3.0, None])
     limited = PlanningProblem(problem.robot, slow, problem.start, self_collision=False)
     time = np.linspace(0, trajectory.duration, STEPS)
-    limited_curves = page_curves([Stretch(limited, trajectory)], time)
+    limited_curves = page_curves([MotionSection(limited, trajectory)], time)
     speeds = limited_curves["speedLimit"]
     assert [speeds[0], speeds[STEPS // 2], speeds[-1]] == [None, 3.0, None]
     assert "clearance" not in limited_curves
@@ -86,10 +86,10 @@ def test_a_limit_on_the_tools_speed_is_that_of_the_segment(stored, curves):
 def test_between_the_legs_of_a_cycle_nothing_is_said_and_marks_have_its_time(tmp_path):
     cycle = shown_cycle(tmp_path)
     motion = motion_of(cycle, 0.2)  # fast: limits bind
-    stretches = cycle_stretches(cycle, motion)
-    assert [stretch.begin for stretch in stretches] == [begin for begin, _ in motion.leg_times]
+    sections = cycle_sections(cycle, motion)
+    assert [section.begin for section in sections] == [begin for begin, _ in motion.leg_times]
     time = np.linspace(0, motion.trajectory.duration, STEPS)
-    curves = page_curves(stretches, time)
+    curves = page_curves(sections, time)
     rests = np.ones(STEPS, dtype=bool)
     for begin, end in motion.leg_times:
         rests &= (time < begin) | (time > end)
@@ -97,16 +97,16 @@ def test_between_the_legs_of_a_cycle_nothing_is_said_and_marks_have_its_time(tmp
     fractions = [line["share"] for line in curves["limits"]["lines"]]
     for values in (*fractions, curves["clearance"][0]["distance"]):
         np.testing.assert_array_equal([each is None for each in values], rests)
-    lasts = [span["end"] for mark in binding_marks(stretches) for span in mark["spans"]]
+    lasts = [span["end"] for mark in binding_marks(sections) for span in mark["spans"]]
     assert max(lasts) > motion.leg_times[-1][0]
 
 
-def test_segments_follow_each_other_in_their_colours(stretch):
-    bands = problem_timeline(stretch)["bands"]
+def test_segments_follow_each_other_in_their_colours(section):
+    bands = problem_timeline(section)["bands"]
     assert [band["name"] for band in bands] == ["segment 0", "segment 1", "segment 2"]
     assert [band["color"] for band in bands] == list(SEGMENT_COLORS[:3])
     ends = [0, *(band["end"] for band in bands)]
-    assert [*(band["begin"] for band in bands), stretch.trajectory.duration] == ends
+    assert [*(band["begin"] for band in bands), section.trajectory.duration] == ends
 
 
 def test_of_many_segments_groups_are_named(stored):
@@ -114,13 +114,15 @@ def test_of_many_segments_groups_are_named(stored):
     ends = problem.robot.tool_position(trajectory.position(np.array([0, trajectory.duration])))
     points = ends[0] + np.linspace(0, 1, 41)[:, None] * (ends[1] - ends[0])
     tube = Tube(points, 2.0)
-    bands = segment_bands(Stretch(PlanningProblem(problem.robot, tube, problem.start), trajectory))
+    bands = segment_bands(
+        MotionSection(PlanningProblem(problem.robot, tube, problem.start), trajectory)
+    )
     assert [band["name"] for band in bands][-1] == "segments 35 to 39"
 
 
-def test_marks_are_where_a_limit_binds(stretch):
-    marks = {mark["name"]: mark["spans"] for mark in binding_marks([stretch])}
-    rows = binding_rows(stretch.problem.robot.joint_names, stretch.uses, stretch.closest)
+def test_marks_are_where_a_limit_binds(section):
+    marks = {mark["name"]: mark["spans"] for mark in binding_marks([section])}
+    rows = binding_rows(section.problem.robot.joint_names, section.uses, section.closest)
     expected = {row.name: row.spans for row in rows if row.spans}
     assert list(marks) == list(expected)
     for name, spans in marks.items():

@@ -66,7 +66,7 @@ def test_one_angle_is_a_round_cone():
 def test_cones_stand_at_the_tool_as_the_reference_is_turned(tray):
     cone, shown = named(tray, Layer.ROTATION, "cone_0"), tray.trajectories[0]
     assert shown.present[cone.body].all()
-    q = tray.stretches[0][0].trajectory.position(shown.time)
+    q = tray.sections[0][0].trajectory.position(shown.time)
     rotation, tool = tray.problem.robot.tool_pose(q)
     for step in (0, 60, -1):
         placement = shown.placement(step, cone.body)
@@ -77,7 +77,7 @@ def test_cones_stand_at_the_tool_as_the_reference_is_turned(tray):
 
 def test_axes_are_those_of_the_tool(tray):
     robot, shown = tray.problem.robot, tray.trajectories[0]
-    q = tray.stretches[0][0].trajectory.position(shown.time[[50]])
+    q = tray.sections[0][0].trajectory.position(shown.time[[50]])
     rotation, tool = robot.tool_pose(q)
     point = named(tray, Layer.TOOL, "point")
     placed = point.surface.moved(shown.placement(50, point.body)).vertices

@@ -116,10 +116,10 @@ def _averaged(
     periods = fewest
     while periods <= _MAX_SLOWED * fewest:
         average = averaged(trajectory, periods, periods / rate)
-        stretch = _required_stretch(problem, average)
-        if stretch <= 1 + _RUN_OVER:
+        factor_needed = _required_slowing(problem, average)
+        if factor_needed <= 1 + _RUN_OVER:
             return average.at(np.arange(periods + 1) / rate)
-        periods += max(1, int((stretch - 1) * periods))
+        periods += max(1, int((factor_needed - 1) * periods))
     return None
 
 
@@ -130,14 +130,14 @@ def _slowed(
     factor = 1.0
     while factor <= _MAX_SLOWED:
         samples = trajectory.scaled(factor).sample(rate)
-        stretch = _required_stretch(problem, _joined(trajectory, samples))
-        if stretch <= 1 + _RUN_OVER:
+        factor_needed = _required_slowing(problem, _joined(trajectory, samples))
+        if factor_needed <= 1 + _RUN_OVER:
             return samples
-        factor *= stretch
+        factor *= factor_needed
     return None
 
 
-def _required_stretch(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
+def _required_slowing(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
     """Return the factor by which a trajectory must last longer to keep the limits."""
     try:
         return minimum_duration(problem, trajectory) / trajectory.duration

@@ -11,7 +11,7 @@ from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.convex_shapes import ConvexShape
-from tubeplanner.output.curves import cycle_stretches, cycle_timeline, tube_name
+from tubeplanner.output.curves import cycle_sections, cycle_timeline, tube_name
 from tubeplanner.output.drawing import (
     REFERENCE_COLOR,
     Surface,
@@ -217,7 +217,7 @@ def build_cycle_scene(
         poses = np.array([each.placement(step, body) for step in range(len(each.time))])
         parts.append(moved_parts(cycle, own_marks, each.time, np.array(poses @ placement)))
     arms = [with_bodies(*pair) for pair in zip(arms, parts, strict=True)]
-    stretches = tuple(cycle_stretches(cycle, motion) for motion in named.values())
+    sections = tuple(cycle_sections(cycle, motion) for motion in named.values())
     links, notes_of_links = link_parts(robot, MAX_FACES // len(arms))
     drawing = _Drawing(cycle, links, arms, parts, is_executed=execution is not None)
     executed = None
@@ -227,7 +227,7 @@ def build_cycle_scene(
     items: list[Item] = []
     for i, each in enumerate(arms):
         items += drawing.items(i)
-        own = stretches[i] if stretches else ()
+        own = sections[i] if sections else ()
         arms[i], orientation = turned_tool(i, robot, drawing.tubes, own, each, drawing.thickness)
         items += orientation
     return CycleScene(
@@ -236,7 +236,7 @@ def build_cycle_scene(
         items=tuple(items),
         frame=scene_frame(drawing.points, drawing.direction, len(arms)),
         thickness=drawing.thickness,
-        stretches=stretches,
+        sections=sections,
         notes=(*all_notes, *notes_of_links),
         executed=executed,
         cycle=cycle,
@@ -342,8 +342,8 @@ def cycle_panel_data(scene: CycleScene) -> dict[str, Any]:
     kind = "closed cycle" if cycle.closed else "cycle"
     about = f"{arm_words(cycle.robot)}; {kind} of {len(moves)} move{'s' * (len(moves) > 1)}"
     timelines = [
-        {**cycle_timeline(motion).as_dict(scene.duration), "binds": binding_marks(stretches)}
-        for motion, stretches in zip(scene.motions, scene.stretches, strict=True)
+        {**cycle_timeline(motion).as_dict(scene.duration), "binds": binding_marks(sections)}
+        for motion, sections in zip(scene.motions, scene.sections, strict=True)
     ]
     return {**page_data(scene, about, layers), "timelines": timelines}
 

@@ -15,7 +15,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.binding_limits import LINKS, TOOL, ClosestPairs, binding_rows, closest_pairs
 from tubeplanner.limits.rates import ToolSpeed
 from tubeplanner.limits.speed_limits import POSITION
-from tubeplanner.output.curves import Stretch, segments_per_group, size_of
+from tubeplanner.output.curves import MotionSection, segments_per_group, size_of
 from tubeplanner.output.drawing import (
     AXIS_COLORS,
     BLOCKED_COLOR,
@@ -71,7 +71,7 @@ def panel_data(scene: ProblemScene) -> dict[str, Any]:
     entries = {Layer.TUBE: _segment_entries(problem)}
     layers = [layer_data(layer, scene, words, entries) for layer in scene.layers]
     data = page_data(scene, arm_words(problem.robot), layers)
-    return {**data, "timelines": [problem_timeline(*each) for each in scene.stretches]}
+    return {**data, "timelines": [problem_timeline(*each) for each in scene.sections]}
 
 
 def arm_words(robot: RobotModel) -> str:
@@ -92,9 +92,9 @@ def page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[st
         {**_trajectory_data(trajectory), "color": LINE_COLORS[i % len(LINE_COLORS)]}
         for i, trajectory in enumerate(scene.trajectories)
     ]
-    for stretches, trajectory in zip(scene.stretches, trajectories, strict=False):
+    for sections, trajectory in zip(scene.sections, trajectories, strict=False):
         steps = np.linspace(0.0, trajectory["duration"], _CURVE_STEPS)
-        trajectory |= page_curves(stretches, steps)
+        trajectory |= page_curves(sections, steps)
     frame = scene.frame
     labels = [
         {
@@ -229,22 +229,22 @@ _AT_END = 0.998
 _WORDS = {"obstacles": "to obstacles", "self_collision": "between links"}
 
 
-def page_curves(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
+def page_curves(sections: Sequence[MotionSection], time: FloatArray) -> dict[str, Any]:
     """Return the limit on the tool's speed, the use of limits and the clearance, if any.
 
     Args:
-        stretches: Of one motion.
+        sections: Of one motion.
         time: At equal steps from its begin to its end, shape (K,) [s].
     """
     limit = np.full(len(time), np.inf)  # on the tool's speed in the segment of each time [m/s]
-    for stretch in stretches:
-        rows = stretch.inside(time)
-        segment = stretch.uses.segment[stretch.nearest(time[rows] - stretch.begin)]
-        limit[rows] = ToolSpeed(stretch.problem).limit[segment]
+    for section in sections:
+        rows = section.inside(time)
+        segment = section.uses.segment[section.nearest(time[rows] - section.begin)]
+        limit[rows] = ToolSpeed(section.problem).limit[segment]
     curves = {
         "speedLimit": _rounded(limit, 4) if np.isfinite(limit).any() else [],
-        "limits": _limits(stretches, time),
-        "clearance": _clearances(stretches, time),
+        "limits": _limits(sections, time),
+        "clearance": _clearances(sections, time),
     }
     return {name: curve for name, curve in curves.items() if curve}
 
@@ -256,15 +256,15 @@ def row_color(name: str, joint_names: Sequence[str]) -> str:
     return _TOOL_COLOR if name == TOOL else _LINKS_COLOR
 
 
-def _limits(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
+def _limits(sections: Sequence[MotionSection], time: FloatArray) -> dict[str, Any]:
     """Return the largest use of a limit over time, and its kind, of joints, tool and links."""
     fractions: dict[str, dict[str, FloatArray]] = {}
-    for stretch in stretches:
-        rows = stretch.inside(time)
+    for section in sections:
+        rows = section.inside(time)
         if len(rows) == 0:
             continue
-        joints = stretch.problem.robot.joint_names
-        for use in stretch.uses.uses:
+        joints = section.problem.robot.joint_names
+        for use in section.uses.uses:
             owner = TOOL if use.name == TOOL else LINKS if use.joint is None else joints[use.joint]
             whole = fractions.setdefault(owner, {}).setdefault(
                 use.kind, np.full(len(time), -np.inf)
@@ -272,8 +272,8 @@ def _limits(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
             # Of a range only its very ends count.
             is_counted = (use.kind != POSITION) | (use.fraction >= _AT_END)
             fraction = np.where(is_counted, use.fraction, 0.0)
-            whole[rows] = np.maximum(whole[rows], _largest_near(stretch, fraction, time[rows]))
-    joints = stretches[0].problem.robot.joint_names
+            whole[rows] = np.maximum(whole[rows], _largest_near(section, fraction, time[rows]))
+    joints = sections[0].problem.robot.joint_names
     owners = [name for name in (*joints, TOOL, LINKS) if name in fractions]
     kinds = list(dict.fromkeys(kind for name in owners for kind in fractions[name]))
     lines = [_line(name, fractions[name], kinds, joints) for name in owners]
@@ -294,9 +294,9 @@ def _line(
     }
 
 
-def _largest_near(stretch: Stretch, fraction: FloatArray, time: FloatArray) -> FloatArray:
+def _largest_near(section: MotionSection, fraction: FloatArray, time: FloatArray) -> FloatArray:
     """Return fractions at times (K,) [s] of the whole motion: the largest of nearby samples."""
-    own = stretch.uses.samples.time + stretch.begin
+    own = section.uses.samples.time + section.begin
     result: FloatArray = np.interp(time, own, fraction)
     step = time[1] - time[0] if len(time) > 1 else np.inf
     rows = np.clip(np.round((own - time[0]) / step), 0, len(time) - 1).astype(int)
@@ -304,15 +304,15 @@ def _largest_near(stretch: Stretch, fraction: FloatArray, time: FloatArray) -> F
     return result
 
 
-def _clearances(stretches: Sequence[Stretch], time: FloatArray) -> list[dict[str, Any]]:
+def _clearances(sections: Sequence[MotionSection], time: FloatArray) -> list[dict[str, Any]]:
     """Return the closest pairs of each kind over time; with points for the first kind alone."""
     pairs: dict[str, _Closest] = {}
-    for stretch in stretches:
-        rows = stretch.inside(time)
+    for section in sections:
+        rows = section.inside(time)
         if len(rows) == 0:
             continue
-        local = np.minimum(time[rows] - stretch.begin, stretch.trajectory.duration)
-        for closest in closest_pairs(stretch.problem, stretch.trajectory, local):
+        local = np.minimum(time[rows] - section.begin, section.trajectory.duration)
+        for closest in closest_pairs(section.problem, section.trajectory, local):
             pairs.setdefault(closest.kind, _Closest(len(time))).keep(rows, closest)
     kinds = [kind for kind in _WORDS if kind in pairs]
     return [pairs[kind].as_dict(_WORDS[kind], kind == kinds[0]) for kind in kinds]
@@ -360,16 +360,16 @@ def _rounded(values: FloatArray, digits: int) -> list[float | None]:
 # ---- The time line of a motion of a problem: segments of the tool, binding limits.
 
 
-def problem_timeline(stretch: Stretch) -> dict[str, Any]:
+def problem_timeline(section: MotionSection) -> dict[str, Any]:
     """Return the time line of a motion of a problem as JSON values."""
-    return {"bands": segment_bands(stretch), "rests": [], "binds": binding_marks([stretch])}
+    return {"bands": segment_bands(section), "rests": [], "binds": binding_marks([section])}
 
 
-def segment_bands(stretch: Stretch) -> list[dict[str, Any]]:
+def segment_bands(section: MotionSection) -> list[dict[str, Any]]:
     """Return the times of the tool in each segment, or in groups of many segments."""
-    count = stretch.problem.tube.segment_count
+    count = section.problem.tube.segment_count
     step = segments_per_group(count)
-    time, group = stretch.uses.samples.time, stretch.uses.segment // step
+    time, group = section.uses.samples.time, section.uses.segment // step
     ends = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(time) - 1]
     bands = []
     for a, b in pairwise(ends):
@@ -381,20 +381,20 @@ def segment_bands(stretch: Stretch) -> list[dict[str, Any]]:
     return bands
 
 
-def binding_marks(stretches: Sequence[Stretch]) -> list[dict[str, Any]]:
+def binding_marks(sections: Sequence[MotionSection]) -> list[dict[str, Any]]:
     """Return the spans of binding limits of each joint, the tool and the links.
 
     Rows without any are left out.
     """
-    joints = stretches[0].problem.robot.joint_names
+    joints = sections[0].problem.robot.joint_names
     spans: dict[str, list[dict[str, Any]]] = {}
-    for stretch in stretches:
-        for row in binding_rows(joints, stretch.uses, stretch.closest):
+    for section in sections:
+        for row in binding_rows(joints, section.uses, section.closest):
             spans.setdefault(row.name, []).extend(
                 {
                     "kind": span.kind.replace("_", " "),
-                    "begin": round(stretch.begin + span.begin, 5),
-                    "end": round(stretch.begin + span.end, 5),
+                    "begin": round(section.begin + span.begin, 5),
+                    "end": round(section.begin + span.end, 5),
                 }
                 for span in row.spans
             )

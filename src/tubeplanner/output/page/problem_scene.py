@@ -13,7 +13,7 @@ from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.orientation import rotation_matrix
-from tubeplanner.output.curves import Stretch
+from tubeplanner.output.curves import MotionSection
 from tubeplanner.output.drawing import (
     AXIS_COLORS,
     CARRIED_COLOR,
@@ -104,7 +104,7 @@ def build_scene(
             motions[name] = trajectory.reordered(robot.joint_names)
         except TrajectoryError as error:
             raise TrajectoryError(f"{name}: {error}") from error
-    stretches = tuple((Stretch(problem, motion),) for motion in motions.values())
+    sections = tuple((MotionSection(problem, motion),) for motion in motions.values())
     arms = [_moving_arm(robot, *pair) for pair in motions.items()]
     arms = arms or [at_rest or poses_at_rest(problem, all_notes)]
     parts, notes_of_parts = link_parts(robot, MAX_FACES // len(arms))
@@ -124,7 +124,7 @@ def build_scene(
         executed = executed_paths(tool_runs(problem, trajectory, execution), EXECUTED_STEPS)
     items: list[Item] = []
     for i, each in enumerate(arms):
-        own = stretches[i] if stretches else ()
+        own = sections[i] if sections else ()
         arms[i], orientation = turned_tool(i, robot, [problem.tube], own, each, thickness)
         items += arm_items(i, parts)
         items += carried_items(i, () if each.name in empty_handed else carried)
@@ -138,7 +138,7 @@ def build_scene(
         frame=scene_frame(points, direction, len(arms)),
         thickness=thickness,
         notes=(*all_notes, *notes_of_parts),
-        stretches=stretches,
+        sections=sections,
         executed=executed,
         problem=problem,
     )
@@ -306,7 +306,7 @@ def turned_tool(
     i: int,
     robot: RobotModel,
     tubes: Sequence[Tube],
-    stretches: Sequence[Stretch],
+    sections: Sequence[MotionSection],
     shown: ShownTrajectory,
     thickness: float,
 ) -> tuple[ShownTrajectory, list[Item]]:
@@ -316,15 +316,15 @@ def turned_tool(
         i: Index of the motion.
         robot: The arm.
         tubes: Of the motion.
-        stretches: Of the motion; none: the arm rests, and cones are at the reference points.
+        sections: Of the motion; none: the arm rests, and cones are at the reference points.
         shown: Poses of the arm.
         thickness: Radius of drawn lines [m].
     """
-    cones = rotation_cones(stretches, shown)
+    cones = rotation_cones(sections, shown)
     bounds = [row for tube in tubes if tube.rotation for row in tube.rotation.bounds]
     items = [*axes_items(i, robot, thickness), *pointer_items(i, robot, bounds, thickness)]
     items += cone_items(i, shown.rotation.shape[1], cones, thickness)
-    if not stretches:
+    if not sections:
         for k, tube in enumerate(tubes):
             items += standing_cones(i, f"tube_{k}", tube, thickness)
     return with_bodies(shown, cones), items
@@ -340,16 +340,16 @@ def axes_items(i: int, robot: RobotModel, thickness: float) -> list[Item]:
     return items
 
 
-def rotation_cones(stretches: Sequence[Stretch], shown: ShownTrajectory) -> list[RotationCone]:
+def rotation_cones(sections: Sequence[MotionSection], shown: ShownTrajectory) -> list[RotationCone]:
     """Return the moving cones of a motion's rotation tolerances, a cone per set of bounds."""
     result: dict[tuple[float, ...], RotationCone] = {}
     count = len(shown.time)
-    for stretch in stretches:
-        rotation = stretch.problem.tube.rotation
+    for section in sections:
+        rotation = section.problem.tube.rotation
         if rotation is None:
             continue
-        rows = stretch.inside(shown.time)
-        segment = stretch.uses.segment[stretch.nearest(shown.time[rows] - stretch.begin)]
+        rows = section.inside(shown.time)
+        segment = section.uses.segment[section.nearest(shown.time[rows] - section.begin)]
         tool = shown.tool[rows]
         reference = rotation.reference(tool, segment)
         for bounds in np.unique(rotation.bounds[segment], axis=0):

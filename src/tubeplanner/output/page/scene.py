@@ -16,7 +16,7 @@ from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.geometry.convex_shapes import convex_hull
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.outcome import Infeasible
-from tubeplanner.output.curves import Stretch
+from tubeplanner.output.curves import MotionSection
 from tubeplanner.output.drawing import Surface, best_direction, floor_grid, outline
 from tubeplanner.output.execution_curves import ExecutedPaths
 from tubeplanner.robot.model import RobotModel
@@ -157,7 +157,7 @@ class Scene:
         frame: Offsets, direction of sight and floor.
         thickness: Radius of drawn lines [m].
         notes: Further remarks.
-        stretches: Of each motion, under the problems that judge it; none of an arm at rest.
+        sections: Of each motion, under the problems that judge it; none of an arm at rest.
         executed: The tool's executed paths, beside the first trajectory; None: none.
     """
 
@@ -167,7 +167,7 @@ class Scene:
     frame: SceneFrame
     thickness: float
     notes: tuple[str, ...]
-    stretches: tuple[tuple[Stretch, ...], ...] = ()
+    sections: tuple[tuple[MotionSection, ...], ...] = ()
     executed: ExecutedPaths | None = None
 
     @property
