@@ -215,9 +215,9 @@ def test_what_is_carried_all_along_is_in_every_problem():
 
 
 def test_a_cycle_says_what_it_is_and_what_happens_at_its_seams():
-    assert [len(CYCLE.rest_at(k).steps) for k in range(4)] == [0, 2, 2, 0]
+    assert [len(CYCLE.stop_at(k).steps) for k in range(4)] == [0, 2, 2, 0]
     after = replace(CYCLE, steps=[*CYCLE.steps, Event("done")])
-    assert [step.name for step in after.rest_at(3).steps] == ["done"]
+    assert [step.name for step in after.stop_at(3).steps] == ["done"]
     assert repr(CYCLE) == "<Cycle cycle: 3 moves of two_link to hand in 3 legs, closed>"
     assert repr(replace(CYCLE, closed=False)).endswith("3 legs, open>")
     with pytest.raises(ProblemError, match="the cycle is 'a'; give a Cycle, as load_cycle returns"):

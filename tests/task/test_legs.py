@@ -22,7 +22,7 @@ from tubeplanner import (
     load_robot,
 )
 from tubeplanner.outcome import Place
-from tubeplanner.task.legs import ending_for, joined_moves, legs_of, rest_text, step_text
+from tubeplanner.task.legs import ending_for, joined_moves, legs_of, step_text, stop_text
 
 # An open end is turned as the next move begins.
 
@@ -338,10 +338,10 @@ def test_a_place_in_a_leg_is_told_as_one_of_its_moves_in_the_cycle():
 
 def test_a_rest_lists_its_steps_in_order_and_an_event_stays_on_one_line():
     cycle = small_cycle()
-    assert rest_text(cycle.legs[0].before) == "nothing"
-    assert rest_text(cycle.legs[1].before) == "gripper 'close' (0.05 s), attach part"
-    assert rest_text(cycle.legs[2].before) == "gripper 'open' (0.06 s), detach part"
-    assert rest_text(cycle.after) == "pause (0.1 s)"
+    assert stop_text(cycle.legs[0].before) == "nothing"
+    assert stop_text(cycle.legs[1].before) == "gripper 'close' (0.05 s), attach part"
+    assert stop_text(cycle.legs[2].before) == "gripper 'open' (0.06 s), detach part"
+    assert stop_text(cycle.after) == "pause (0.1 s)"
     assert step_text(Event("weld")) == "weld"
     assert step_text(Event("weld", 3)) == "weld 3"
     assert "\n" not in step_text(Event("weld", "on\noff"))

@@ -22,7 +22,7 @@ from tubeplanner.outcome import Place
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion
-from tubeplanner.task.legs import Rest
+from tubeplanner.task.legs import Stop
 from tubeplanner.task.steps import Event
 from tubeplanner.trajectory.parts import part_of
 
@@ -170,7 +170,7 @@ def _judged_seams(
             {
                 "continuity": _judged_stay(motion, k, begin, end),
                 "dwell": _judged_dwell(motion, k),
-                "effort": _judged_hold(cycle.rest_at(k), motion.trajectory.position(end), end),
+                "effort": _judged_hold(cycle.stop_at(k), motion.trajectory.position(end), end),
             },
         )
     if cycle.closed:
@@ -205,7 +205,7 @@ def _judged_dwell(motion: CycleMotion, seam: int) -> JudgedCondition:
     spans = motion.step_times[first:]
     spare = [
         (end - begin - step.dwell, begin)
-        for step, (begin, end) in zip(cycle.rest_at(seam).steps, spans, strict=False)
+        for step, (begin, end) in zip(cycle.stop_at(seam).steps, spans, strict=False)
         if isinstance(step, Event) and step.dwell > 0
     ]
     if not spare:
@@ -214,9 +214,9 @@ def _judged_dwell(motion: CycleMotion, seam: int) -> JudgedCondition:
     return JudgedCondition(margin, "s", Place(time=begin), "every event against its dwell")
 
 
-def _judged_hold(rest: Rest, q: FloatArray, time: float) -> JudgedCondition:
+def _judged_hold(stop: Stop, q: FloatArray, time: float) -> JudgedCondition:
     """Judge the motors' efforts at rest in a configuration (n,), with every load carried there."""
-    arms = list(dict.fromkeys(rest.arms))
+    arms = list(dict.fromkeys(stop.arms))
     margins = np.array([_hold_margin(arm, q) for arm in arms])
     if np.isinf(margins).all():
         return not_required(RELATIVE, "no joint has this limit")

@@ -40,7 +40,7 @@ from tubeplanner.task.info import (
     problem_info,
     with_doubts,
 )
-from tubeplanner.task.legs import Rest, rest_text
+from tubeplanner.task.legs import Stop, stop_text
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach
 from tubeplanner.writing import require_writable
@@ -449,7 +449,7 @@ def _step_table(cycle: Cycle) -> str:
     for heading in ("ends", "carries"):
         table.add_column(heading)
     for k, leg in enumerate(cycle.legs):
-        _add_rest(table, leg.before)
+        _add_stop(table, leg.before)
         for move in leg.moves:
             length = np.linalg.norm(np.diff(move.tube.points, axis=0), axis=1).sum()
             cells = (escape(move.name), str(move.tube.numbers[-1]), f"{length:.4g} m")
@@ -461,10 +461,10 @@ def _step_table(cycle: Cycle) -> str:
             carried = [] if payload is None else [f"{payload.mass:g} kg"]
             carried += [solid.name for solid in solids]
             table.add_row(*cells, ends, escape(", ".join(carried) or "nothing"))
-    _add_rest(table, cycle.after)
+    _add_stop(table, cycle.after)
     return rendered(table)
 
 
-def _add_rest(table: Table, rest: Rest) -> None:
-    if rest.steps:
-        table.add_row(escape(f"at rest: {rest_text(rest)}"), "", "", "", "")
+def _add_stop(table: Table, stop: Stop) -> None:
+    if stop.steps:
+        table.add_row(escape(f"at rest: {stop_text(stop)}"), "", "", "", "")

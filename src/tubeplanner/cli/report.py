@@ -22,7 +22,7 @@ from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.info import cycle_doubts, problem_doubts
-from tubeplanner.task.legs import Leg, Rest, rest_text
+from tubeplanner.task.legs import Leg, Stop, stop_text
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.side_files import fitting_presets
 
@@ -293,18 +293,18 @@ def _timetable(motion: CycleMotion, heading: str, leg_texts: Sequence[str]) -> s
     cycle, end = motion.cycle, 0.0
     for leg, text in zip(cycle.legs, leg_texts, strict=True):
         begin = motion.move_times[leg.moves[0].name][0]
-        _add_rest(table, leg.before, end, begin)
+        _add_stop(table, leg.before, end, begin)
         for k, move in enumerate(leg.moves):
             begin, end = motion.move_times[move.name]
             cell = text if k == 0 else f"with {leg.moves[0].name}"
             table.add_row(*_span(begin, end), escape(move.name), escape(cell))
-    _add_rest(table, cycle.after, end, motion.trajectory.duration)
+    _add_stop(table, cycle.after, end, motion.trajectory.duration)
     return rendered(table)
 
 
-def _add_rest(table: Table, rest: Rest, begin: float, end: float) -> None:
-    if rest.steps:
-        table.add_row(*_span(begin, end), escape(f"at rest: {rest_text(rest)}"), "")
+def _add_stop(table: Table, stop: Stop, begin: float, end: float) -> None:
+    if stop.steps:
+        table.add_row(*_span(begin, end), escape(f"at rest: {stop_text(stop)}"), "")
 
 
 def _span(begin: float, end: float) -> tuple[str, str]:

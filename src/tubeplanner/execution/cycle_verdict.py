@@ -198,13 +198,13 @@ def _spans(motion: CycleMotion) -> list[tuple[float, float]]:
     handed_over = [mark.time for mark in motion.marks if mark.kind in (ATTACH, DETACH)]
     ends = [0.0, *(end for _, end in motion.leg_times)]
     begins = [*(begin for begin, _ in motion.leg_times), np.inf]
-    rests = [
+    stops = [
         [time for time in handed_over if end <= time <= begin]
         for end, begin in zip(ends, begins, strict=True)
     ]
     seams = [
         (min(at, default=begin), max(at, default=begin))
-        for at, begin in zip(rests, begins, strict=True)
+        for at, begin in zip(stops, begins, strict=True)
     ]
     return [(last, first) for (_, last), (first, _) in pairwise(seams)]
 

@@ -289,9 +289,9 @@ def _arms(motion: CycleMotion) -> Iterator[_Arm]:
     payloads: Mapping[str, Payload] = {}
     times = iter([mark.time for mark in motion.marks if mark.kind != MOVE])
     for seam, begin in enumerate([0.0, *(end for _, end in motion.leg_times)]):
-        rest = motion.cycle.rest_at(seam)
-        yield _Arm(begin, rest.arms[0], payloads)
-        for step, robot in zip(rest.steps, rest.arms[1:], strict=True):
+        stop = motion.cycle.stop_at(seam)
+        yield _Arm(begin, stop.arms[0], payloads)
+        for step, robot in zip(stop.steps, stop.arms[1:], strict=True):
             if isinstance(step, Attach) and step.payload is not None:
                 payloads = {**payloads, step.name: step.payload}
             elif isinstance(step, Detach):

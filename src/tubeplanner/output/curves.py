@@ -280,8 +280,8 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
         legs.append(replace(curves, samples=later))
     result: list[TrajectoryCurves] = []
     for k, leg in enumerate(legs):
-        result += [*_rest_curves(cycle, motion, k, leg, 0), leg]
-    return [*result, *_rest_curves(cycle, motion, len(legs), legs[-1], -1)]
+        result += [*_stop_curves(cycle, motion, k, leg, 0), leg]
+    return [*result, *_stop_curves(cycle, motion, len(legs), legs[-1], -1)]
 
 
 def limited_motions(cycle: Cycle, motion: CycleMotion) -> list[LimitedMotion]:
@@ -305,7 +305,7 @@ def cycle_sections(cycle: Cycle, motion: CycleMotion) -> tuple[MotionSection, ..
     return tuple(sections)
 
 
-def _rest_curves(
+def _stop_curves(
     cycle: Cycle, motion: CycleMotion, seam: int, beside: TrajectoryCurves, sample: int
 ) -> Iterator[TrajectoryCurves]:
     """Yield the curves of steps that take time at a junction.
@@ -317,12 +317,12 @@ def _rest_curves(
         beside: Curves of the leg after the junction, or before it.
         sample: Index of the sample at the junction.
     """
-    rest, marks = cycle.rest_at(seam), motion.marks
+    stop, marks = cycle.stop_at(seam), motion.marks
     first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:seam])
-    times = [mark.time for mark in marks[first : first + len(rest.steps) + 1]]
+    times = [mark.time for mark in marks[first : first + len(stop.steps) + 1]]
     if seam == len(cycle.legs):
         times.append(motion.trajectory.duration)
-    for (begin, end), arm in zip(pairwise(times), rest.arms[1:], strict=True):
+    for (begin, end), arm in zip(pairwise(times), stop.arms[1:], strict=True):
         if end > begin:
             yield _held_curves(beside, sample, arm, (begin, end))
 

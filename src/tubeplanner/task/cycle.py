@@ -13,7 +13,7 @@ from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, left, taken
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.endpoints import Endpoint, Goal, Seed, ToolPose, endpoint_of
-from tubeplanner.task.legs import Leg, Rest, RestStep, legs_of
+from tubeplanner.task.legs import Leg, Stop, StopStep, legs_of
 from tubeplanner.task.problem import PlanningProblem, given_members, require_parts
 from tubeplanner.task.required_distances import usual_contacts
 from tubeplanner.task.steps import Attach, Detach, Step, require_consistent
@@ -35,7 +35,7 @@ class Cell:
     attached: tuple[AttachedSolid, ...]
     handed_over: tuple[str, ...] = ()
 
-    def after(self, step: RestStep, robot: RobotModel, q: FloatArray) -> "Cell":
+    def after(self, step: StopStep, robot: RobotModel, q: FloatArray) -> "Cell":
         """Return the cell after a step.
 
         Args:
@@ -125,7 +125,7 @@ class Cycle:
     name: str = "cycle"
     notes: tuple[str, ...] = ()
     legs: tuple[Leg, ...] = field(init=False)
-    after: Rest = field(init=False)
+    after: Stop = field(init=False)
 
     def __post_init__(self) -> None:
         require_parts(self, "closed", "self_collision", "name")
@@ -233,7 +233,7 @@ class Cycle:
             return f"moves {before + 1} to {before + len(leg.moves)} of {count}, {names}"
         return f"move {before + 1} of {count}, {names}"
 
-    def rest_at(self, seam: int) -> Rest:
+    def stop_at(self, seam: int) -> Stop:
         """Return the rest at a seam."""
         return self.after if seam == len(self.legs) else self.legs[seam].before
 
@@ -269,7 +269,7 @@ class Cycle:
             )
             _ = problem.collision  # built here, so that its errors name the move
             contacts = usual_contacts(
-                problem, cell.handed_over, self.rest_at(k + 1).handed_over, end
+                problem, cell.handed_over, self.stop_at(k + 1).handed_over, end
             )
             return replace(problem, contacts=(*problem.contacts, *contacts))
         except (ProblemError, RobotError) as error:

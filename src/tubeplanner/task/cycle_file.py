@@ -245,7 +245,7 @@ def _build(
         return Cycle(
             start=first.start,
             steps=[
-                move or _rest_step(k, step, directory, first.robot)
+                move or _stop_step(k, step, directory, first.robot)
                 for k, (move, step) in enumerate(zip(steps, fields.moves, strict=True))
             ],
             obstacles=first.obstacles,
@@ -325,7 +325,7 @@ def _above(data: Mapping[str, Any], own: Mapping[str, Any], key: str) -> dict[st
     return {key: merged_fields(values[0], values[-1])} if values else {}
 
 
-def _rest_step(k: int, step: Any, directory: Path, robot: RobotModel) -> Step:
+def _stop_step(k: int, step: Any, directory: Path, robot: RobotModel) -> Step:
     """Return step k of the file, an event, attaching or detaching."""
     try:
         if isinstance(step, EventFields):

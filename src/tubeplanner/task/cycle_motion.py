@@ -123,10 +123,10 @@ def cycle_motion(cycle: Cycle, legs: Sequence[LegMotion]) -> CycleMotion:
     """
     builder = _Builder(cycle)
     for leg, motion in zip(cycle.legs, legs, strict=True):
-        builder.rest(leg.before.steps, motion.trajectory.position(0.0))
+        builder.stop(leg.before.steps, motion.trajectory.position(0.0))
         builder.run(leg.moves, motion)
     last = legs[-1].trajectory
-    builder.rest(cycle.after.steps, last.position(last.duration))
+    builder.stop(cycle.after.steps, last.position(last.duration))
     names = cycle.robot.joint_names
     return CycleMotion(cycle, joined(names, builder.parts), tuple(builder.marks))
 
@@ -140,7 +140,7 @@ class _Builder:
         self.parts: list[JointTrajectory] = []
         self.marks: list[Mark] = []
 
-    def rest(self, steps: Sequence[Step], q: FloatArray) -> None:
+    def stop(self, steps: Sequence[Step], q: FloatArray) -> None:
         """Add steps at rest in a configuration (n,)."""
         for step in steps:
             self._mark(step, self._time)

@@ -14,11 +14,11 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
 
-RestStep: TypeAlias = Event | Attach | Detach
+StopStep: TypeAlias = Event | Attach | Detach
 
 
 @dataclass(frozen=True, eq=False)
-class Rest:
+class Stop:
     """Steps while the arm is at rest at a seam, between legs.
 
     Attributes:
@@ -26,7 +26,7 @@ class Rest:
         arms: The arm with its payload, before the first step and after each step.
     """
 
-    steps: tuple[RestStep, ...]
+    steps: tuple[StopStep, ...]
     arms: tuple[RobotModel, ...]
 
     @property
@@ -52,7 +52,7 @@ class Leg:
     """
 
     moves: tuple[Move, ...]
-    before: Rest
+    before: Stop
     joined: Move
     robot: RobotModel
 
@@ -87,7 +87,7 @@ class Leg:
         return replace(where, time=time, move=name, segment=segment)
 
 
-def legs_of(steps: Sequence[Step], *, closed: bool = False) -> tuple[tuple[Leg, ...], Rest]:
+def legs_of(steps: Sequence[Step], *, closed: bool = False) -> tuple[tuple[Leg, ...], Stop]:
     """Return the legs of steps, and the rest after the last leg.
 
     Args:
@@ -98,29 +98,29 @@ def legs_of(steps: Sequence[Step], *, closed: bool = False) -> tuple[tuple[Leg, 
         ProblemError: There is no move, a move passes through where the arm rests, or moves do not
             join.
     """
-    runs, rests = _runs(steps)
+    runs, stops = _runs(steps)
     if not runs:
         raise ProblemError("a cycle has at least one move; give one with a name and a tube")
     loads, legs = _Loads(), []
-    for k, (run, rest_steps) in enumerate(zip(runs, rests[:-1], strict=True)):
-        rest, joined = loads.rest(rest_steps, run[0]), joined_moves(run)
+    for k, (run, stop_steps) in enumerate(zip(runs, stops[:-1], strict=True)):
+        stop, joined = loads.stop(stop_steps, run[0]), joined_moves(run)
         after = runs[(k + 1) % len(runs)][0] if k + 1 < len(runs) or closed else None
         if after is not None:
             joined = ending_for(joined, after)
-        legs.append(Leg(tuple(run), rest, joined, rest.arms[-1]))
-    return tuple(legs), loads.rest(rests[-1], runs[-1][0])
+        legs.append(Leg(tuple(run), stop, joined, stop.arms[-1]))
+    return tuple(legs), loads.stop(stops[-1], runs[-1][0])
 
 
-def _runs(steps: Sequence[Step]) -> tuple[list[list[Move]], list[list[RestStep]]]:
+def _runs(steps: Sequence[Step]) -> tuple[list[list[Move]], list[list[StopStep]]]:
     """Return the runs of moves without a stop, and the steps before, between and after runs."""
     runs: list[list[Move]] = []
-    rests: list[list[RestStep]] = [[]]
+    stops: list[list[StopStep]] = [[]]
     for k, step in enumerate(steps):
         if not isinstance(step, Move):
-            rests[-1].append(step)
+            stops[-1].append(step)
         elif not step.passes_through:
             runs.append([step])
-            rests.append([])
+            stops.append([])
         elif k == 0 or not isinstance(steps[k - 1], Move):
             before = "nothing" if k == 0 else f"{type(steps[k - 1]).__name__.lower()}, at rest,"
             raise ProblemError(
@@ -129,7 +129,7 @@ def _runs(steps: Sequence[Step]) -> tuple[list[list[Move]], list[list[RestStep]]
             )
         else:
             runs[-1].append(step)
-    return runs, rests
+    return runs, stops
 
 
 class _Loads:
@@ -140,7 +140,7 @@ class _Loads:
         # One arm per payload: arms keep computed values.
         self._arms: dict[tuple[RobotModel, tuple[Payload, ...]], RobotModel] = {}
 
-    def rest(self, steps: Sequence[RestStep], move: Move) -> Rest:
+    def stop(self, steps: Sequence[StopStep], move: Move) -> Stop:
         """Apply the steps of a rest before, or after, a move, and return the rest."""
         arms = [self._loaded_arm(move)]
         for step in steps:
@@ -149,7 +149,7 @@ class _Loads:
             elif isinstance(step, Detach):
                 self._payloads.pop(step.name, None)
             arms.append(self._loaded_arm(move))
-        return Rest(tuple(steps), tuple(arms))
+        return Stop(tuple(steps), tuple(arms))
 
     def _loaded_arm(self, move: Move) -> RobotModel:
         """Return a move's arm with its current payload."""
@@ -165,12 +165,12 @@ class _Loads:
         return self._arms[key]
 
 
-def rest_text(rest: Rest) -> str:
+def stop_text(stop: Stop) -> str:
     """Return the text of a rest: "gripper 'close' (0.15 s), attach part"."""
-    return ", ".join(map(step_text, rest.steps)) or "nothing"
+    return ", ".join(map(step_text, stop.steps)) or "nothing"
 
 
-def step_text(step: RestStep) -> str:
+def step_text(step: StopStep) -> str:
     """Return the text of a step of a rest: "attach part"."""
     if not isinstance(step, Event):
         return f"{type(step).__name__.lower()} {step.name}"

@@ -22,7 +22,7 @@ from tubeplanner.limits.motor_costs import motor_effort
 from tubeplanner.limits.time_scaling import minimum_duration
 from tubeplanner.outcome import Infeasible
 from tubeplanner.task.cycle_motion import CycleMotion
-from tubeplanner.task.legs import Rest
+from tubeplanner.task.legs import Stop
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Event
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples, averaged
@@ -187,7 +187,7 @@ class CycleSamples:
         """Begin of each leg in the motion of the samples [s]."""
         cycle, time, result = self.motion.cycle, 0.0, []
         for k, sampled in enumerate(self.legs):
-            time += cycle.rest_at(k).duration
+            time += cycle.stop_at(k).duration
             result.append(time)
             time += float(sampled.samples.time[-1])
         return result
@@ -217,9 +217,9 @@ class CycleSamples:
             yield samples, motor_effort(cycle.legs[k].robot, trajectory, samples)
         yield from self._dwells(cycle.after, seams[-1])
 
-    def _dwells(self, rest: Rest, q: FloatArray) -> Iterator[tuple[TrajectorySamples, FloatArray]]:
+    def _dwells(self, stop: Stop, q: FloatArray) -> Iterator[tuple[TrajectorySamples, FloatArray]]:
         """Yield samples and efforts of every dwell of a rest in a configuration (n,)."""
-        for step, arm in zip(rest.steps, rest.arms[1:], strict=True):
+        for step, arm in zip(stop.steps, stop.arms[1:], strict=True):
             if isinstance(step, Event) and step.dwell > 0:
                 samples = resting(arm.joint_names, q, step.dwell).sample(self.rate)
                 yield samples, arm.gravity_effort(samples.position)

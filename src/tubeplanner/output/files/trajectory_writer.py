@@ -19,7 +19,7 @@ from tubeplanner.limits.motor_costs import motor_effort
 from tubeplanner.output.files.fingerprint import cycle_hash, cycle_part_hashes, origin, robot_hash
 from tubeplanner.output.files.samples import CycleSamples, cycle_samples, samples_for_export
 from tubeplanner.task.cycle_motion import CycleMotion
-from tubeplanner.task.legs import rest_text
+from tubeplanner.task.legs import stop_text
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import FORMULA_BEGINS
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
@@ -217,10 +217,10 @@ def _ros_documents(samples: CycleSamples) -> str:
     for k, (leg, sampled) in enumerate(zip(cycle.legs, samples.legs, strict=True)):
         comments = [
             f"{k + 1} of {last + 1}: move {leg.name}",
-            f"before it: {rest_text(leg.before)}",
+            f"before it: {stop_text(leg.before)}",
         ]
         if k == last:
-            comments.append(f"after it: {rest_text(cycle.after)}")
+            comments.append(f"after it: {stop_text(cycle.after)}")
         if sampled.note is not None:
             comments.append(sampled.note)
         documents.append(trajectory_ros(names, sampled.samples, *comments))
