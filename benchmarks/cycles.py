@@ -53,7 +53,7 @@ def stopping(cycle: Cycle, result: CycleResult) -> str:
     otherwise: so many legs follow after a +; one that this does not run either makes it a dash.
     """
     total, others = 0.0, 0
-    for problem in cycle.problems(result.motion.seams):
+    for problem in cycle.problems(result.motion.junctions):
         try:
             total += judged_baseline(problem, "bang-bang")[0].trajectory.duration
         except Infeasible:

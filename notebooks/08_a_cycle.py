@@ -111,9 +111,9 @@ for leg in tray.legs:
     }
     tightest = min(margins, key=margins.get)
     print(f"   {leg.name}: nearest its limit is {tightest} ({judged.conditions[tightest].where})")
-for seam, conditions in certificate.seams.items():
+for junction, conditions in certificate.junctions.items():
     print(
-        f"   {seam}:",
+        f"   {junction}:",
         *(
             f"{name} {each.margin:.2g}"
             for name, each in conditions.items()
@@ -147,13 +147,13 @@ view_cycle(tray, [result.motion], ["tray"])
 # %%
 alone = plan_cycle(tray, QUICK, shares_configurations=False)
 motions = {"alone": alone.motion, "together": result.motion}
-moved = [abs(q - p).max() for q, p in zip(*(m.seams for m in motions.values()), strict=True)]
-seam = int(np.argmax(moved))
+moved = [abs(q - p).max() for q, p in zip(*(m.junctions for m in motions.values()), strict=True)]
+junction = int(np.argmax(moved))
 names = [leg.name for leg in tray.legs]
 print(f"largest change of a joint at every seam: {np.round(moved, 3)} rad")
-print(f"most between '{names[seam - 1]}' and '{names[seam]}':")
+print(f"most between '{names[junction - 1]}' and '{names[junction]}':")
 for name, motion in motions.items():
-    print(f"   {name:9}", np.round(motion.seams[seam], 3), "rad")
+    print(f"   {name:9}", np.round(motion.junctions[junction], 3), "rad")
 
 # %%
 
@@ -166,7 +166,7 @@ def joint_places(robot, q):
 
 figure, axes = plt.subplots(1, 2, figsize=(12, 5), layout="constrained")
 for motion, color in zip(motions.values(), ("C1", "C0"), strict=True):
-    places = joint_places(tray.robot, motion.seams[seam])
+    places = joint_places(tray.robot, motion.junctions[junction])
     tool = tray.robot.tool_position(motion.trajectory.sample(rate=200).position)
     for axis, (i, j) in zip(axes, ((0, 1), (1, 2)), strict=True):
         axis.plot(places[:, i], places[:, j], "o-", color=color, linewidth=4, alpha=0.8)
@@ -222,7 +222,7 @@ def durations(motion):
 
 stopping = plan_cycle(with_stops(tray), QUICK)
 stops, through = durations(stopping.motion), durations(result.motion)
-problems = stopping.motion.cycle.problems(stopping.motion.seams)
+problems = stopping.motion.cycle.problems(stopping.motion.junctions)
 blocked = []
 print(f"{'duration [s]':26} {'lines':>8} {'stops':>8} {'through':>8}")
 for name, problem in zip(stops, problems, strict=True):

@@ -123,11 +123,11 @@ class Times:
     legs: list[tuple[float, float]]
     rests: list[list[tuple[float, float]]]
 
-    def seam(self, seam: int, duration: float) -> tuple[float, float]:
+    def junction(self, junction: int, duration: float) -> tuple[float, float]:
         """Return when a seam begins and ends [s]."""
         ends = [0.0, *(end for _, end in self.legs)]
         begins = [*(begin for begin, _ in self.legs), duration]
-        return ends[seam], begins[seam]
+        return ends[junction], begins[junction]
 
 
 def read_times(path: Path, cycle: Cycle, duration: float) -> Times:

@@ -134,8 +134,8 @@ class _CycleJudge:
         legs = self._cycle.legs
         names = ["start", *(leg.name for leg in legs), "end"]
         for k, rest in enumerate(self._cycle.rests):
-            seam = f"{names[k]} - {names[k + 1]}"
-            yield from _called(seam, self._seam(k, rest))
+            junction = f"{names[k]} - {names[k + 1]}"
+            yield from _called(junction, self._seam(k, rest))
             if k < len(legs):
                 judged = self._leg(k, {step.name for step in rest if step.kind in HANDING})
                 yield from _called(legs[k].name, judged)
@@ -161,7 +161,7 @@ class _CycleJudge:
 
     def _seam(self, k: int, rest: list[Step]) -> dict[str, Condition]:
         """Return the conditions of a seam, and leave the cell as its steps do."""
-        begin, end = self._times.seam(k, self._motion.duration)
+        begin, end = self._times.junction(k, self._motion.duration)
         stop, start = self._ends[:k][-1:], self._begins[k : k + 1]
         q = (start or stop)[0]
         leg = min(k, len(self._cycle.legs) - 1)

@@ -60,8 +60,8 @@ def one_leg(cycle, end=PICK, fractions=()):
 def with_seam(sound, margin=0.0, unit="rad", refused=None, tolerance=None):
     """Return the sound certificate with one seam alone."""
     condition = JudgedCondition(margin, unit, Place(time=1.0), "for all t")
-    seams = {"a - b": {"continuity": condition}}
-    return CycleCertificate(sound.moves, seams, refused or {}, tolerance or Tolerance())
+    junctions = {"a - b": {"continuity": condition}}
+    return CycleCertificate(sound.moves, junctions, refused or {}, tolerance or Tolerance())
 
 
 def test_a_seam_holds_within_the_tolerance_of_its_unit(sound):
@@ -99,11 +99,11 @@ def test_it_is_written_as_json(sound):
     assert fields["tolerance"] == {"absolute": 1e-6, "relative": 1e-6}
     assert list(fields["moves"]) == ["to_pick", "to_place", "back"]
     assert fields["moves"]["back"]["conditions"]["tube"]["satisfied"] is True
-    seam = fields["seams"][SEAM]
-    assert list(seam) == ["continuity", "dwell", "effort"]
-    assert set(seam["dwell"]) == {"margin", "unit", "satisfied", "where", "coverage"}
-    assert seam["dwell"]["margin"] == pytest.approx(0.0, abs=1e-12)
-    assert seam["dwell"]["where"]["time"] == 2.0
+    junction = fields["seams"][SEAM]
+    assert list(junction) == ["continuity", "dwell", "effort"]
+    assert set(junction["dwell"]) == {"margin", "unit", "satisfied", "where", "coverage"}
+    assert junction["dwell"]["margin"] == pytest.approx(0.0, abs=1e-12)
+    assert junction["dwell"]["where"]["time"] == 2.0
     assert repr(sound) == "<CycleCertificate passed: 3 moves, 5 seams>"
 
 
@@ -113,7 +113,13 @@ def test_it_is_written_as_json(sound):
 def test_a_sound_motion_passes(sound):
     assert sound.failures() == []
     assert list(sound.moves) == ["to_pick", "to_place", "back"]
-    assert list(sound.seams) == ["start - to_pick", SEAM, "to_place - back", "back - end", "closed"]
+    assert list(sound.junctions) == [
+        "start - to_pick",
+        SEAM,
+        "to_place - back",
+        "back - end",
+        "closed",
+    ]
     # Pieces of a slow motion: the velocity of the quintic, by hand.
     widest = abs(PLACE - PICK).max() * 1.875 / 2.0
     margin = sound.moves["to_place"].conditions["velocity"].margin
@@ -143,7 +149,7 @@ def test_one_number_changed_fails_in_its_move_alone():
 def test_an_arm_that_moves_while_it_dwells_is_found():
     certificate = verify_cycle(CYCLE, CREEPING)
     assert certificate.failures() == [f"{SEAM}: continuity"]
-    condition = certificate.seams[SEAM]["continuity"]
+    condition = certificate.junctions[SEAM]["continuity"]
     assert condition.margin == pytest.approx(-1e-4 * DWELL)
     assert (condition.where.joint, condition.where.time) == ("joint2", 2.0)
     loose = verify_cycle(CYCLE, CREEPING, Tolerance(1e-3, 1e-3))
@@ -165,7 +171,7 @@ def test_a_jump_at_a_seam_is_found(dwell, piece):
     found = certificate.failures()
     assert f"{SEAM}: continuity" in found
     assert not [failure for failure in found if failure.startswith("to_p") and "tube" in failure]
-    condition = certificate.seams[SEAM]["continuity"]
+    condition = certificate.junctions[SEAM]["continuity"]
     assert condition.margin == pytest.approx(-1e-3)
     assert condition.where.joint == "joint2"
 
@@ -177,7 +183,7 @@ def test_a_gap_of_a_sliding_joint_is_in_metres(tmp_path):
     there = np.array([0.3, 0.0, 0.2, 0.3, 0.0, 0.0])
     moves = [move(robot, "go", home, there), move(robot, "back", there, home)]
     cycle = Cycle(home, moves, closed=True)
-    closed = verify_cycle(cycle, slow_motion(cycle, (home, there, away))).seams["closed"]
+    closed = verify_cycle(cycle, slow_motion(cycle, (home, there, away))).junctions["closed"]
     found = closed["continuity"]
     assert (found.unit, found.where.joint) == ("m", "rail")
     assert found.margin == pytest.approx(-0.01)
@@ -198,15 +204,15 @@ def test_a_cycle_that_does_not_close_is_found():
     assert certificate.failures() == ["back: goal", "closed: continuity"]
     expected = certificate.moves["back"].describe("goal")
     assert certificate.describe("back: goal") == f"back: {expected}"
-    condition = certificate.seams["closed"]["continuity"]
+    condition = certificate.junctions["closed"]["continuity"]
     assert (condition.margin, condition.where.joint) == (pytest.approx(-0.01), "joint2")
     assert failures(replace(motion, cycle=replace(CYCLE, closed=False))) == ["back: goal"]
 
 
 def test_a_move_that_begins_where_its_problem_has_no_place_is_refused():
     """The part is let go where the next move's tube is not: its own margins tell nothing."""
-    seams = (HOME, PICK + np.array([1.2, 0.0]), PLACE, HOME)
-    certificate = verify_cycle(CYCLE, slow_motion(CYCLE, seams))
+    junctions = (HOME, PICK + np.array([1.2, 0.0]), PLACE, HOME)
+    certificate = verify_cycle(CYCLE, slow_motion(CYCLE, junctions))
     assert not certificate.passed
     assert "to_place: start" in certificate.failures()
     assert "start" in certificate.describe("to_place: start")
@@ -233,7 +239,7 @@ def test_moves_that_pass_through_are_judged_together_and_each_has_its_places():
     certificate = verify_cycle(cycle, one_leg(cycle, PLACE, (0.75,)))
     assert list(certificate.moves) == ["go", "on"]
     assert certificate.moves["go"] is certificate.moves["on"]
-    assert list(certificate.seams) == ["start - go, on", "go, on - end"]
+    assert list(certificate.junctions) == ["start - go, on", "go, on - end"]
     assert "on: tube" in certificate.failures()
     where = certificate.place("on: tube")
     assert (where.move, where.segment) == ("on", 0)
@@ -247,7 +253,7 @@ def test_a_dwell_may_be_longer_but_not_shorter_than_it_is_asked():
     assert failures(CycleMotion(longer, MOTION.trajectory, MOTION.marks)) == []
     certificate = verify_cycle(shorter, CycleMotion(shorter, MOTION.trajectory, MOTION.marks))
     assert certificate.failures() == [f"{SEAM}: dwell", "to_place - back: dwell"]
-    condition = certificate.seams["to_place - back"]["dwell"]
+    condition = certificate.junctions["to_place - back"]["dwell"]
     assert condition.margin == pytest.approx(-0.01)
     assert (condition.unit, condition.where.time) == ("s", pytest.approx(4.0 + DWELL))
     assert "margin -0.01 s" in certificate.describe(f"{SEAM}: dwell")
@@ -264,9 +270,9 @@ def test_one_of_several_dwells_that_is_too_short_is_found_after_moves_that_pass_
 
     motion = one_leg(dwelling(0.3), PLACE, (1.0,))
     longer = replace(motion, cycle=dwelling(0.35))
-    seam = verify_cycle(longer.cycle, longer).seams["go, on - end"]["dwell"]
-    assert seam.margin == pytest.approx(-0.05)
-    assert seam.where.time == pytest.approx(2.2)
+    junction = verify_cycle(longer.cycle, longer).junctions["go, on - end"]["dwell"]
+    assert junction.margin == pytest.approx(-0.05)
+    assert junction.where.time == pytest.approx(2.2)
 
 
 # Efforts at rest, against the torque of a weight at its distance, by hand.
@@ -275,7 +281,7 @@ def test_one_of_several_dwells_that_is_too_short_is_found_after_moves_that_pass_
 def held(robot, *steps):
     """Return whether the motors hold what is taken or let go where a move ends."""
     cycle = Cycle(HOME, [move(robot, "go", HOME, PICK), *steps])
-    return verify_cycle(cycle, one_leg(cycle)).seams["go - end"]["effort"]
+    return verify_cycle(cycle, one_leg(cycle)).junctions["go - end"]["effort"]
 
 
 @pytest.mark.parametrize("then", [[], [Event("weigh", None, 0.1), Detach("mass")]])

@@ -365,7 +365,7 @@ SWING = JointTrajectory(
 OF_SEGMENTS = ("tube", "joint_signs", "rotation", "obstacles", "tool_speed")
 
 
-def seam(visit, broken=None):
+def junction(visit, broken=None):
     """Return a problem whose middle segment is as tight about `SWING` as can be, or tighter."""
     factor = dict.fromkeys(OF_SEGMENTS, 1.0) | {broken: 1.5}
     limits = LimitOverrides(effort=1e4, velocity=1e3)
@@ -409,10 +409,10 @@ def seam(visit, broken=None):
 )
 def test_the_condition_that_is_broken_is_named_alone(visit, broken):
     """The largest margin of metres, radians and fractions would break others in its stead."""
-    certificate = verify(seam(visit, broken), SWING)
+    certificate = verify(junction(visit, broken), SWING)
     assert certificate.failures() == [broken]
     if broken == "tool_speed":
-        assert verify(seam(visit), SWING).passed
+        assert verify(junction(visit), SWING).passed
         assert certificate.conditions[broken].margin == pytest.approx(-0.5, abs=2e-3)
 
 

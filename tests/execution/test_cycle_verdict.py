@@ -167,7 +167,7 @@ def test_a_cycle_of_one_move_is_judged_as_that_move_alone(tmp_path):
     cycle = Cycle(SEAMS[0], moves_of(slide(tmp_path), radius=0.05)[:1])
     motion = motion_of(cycle, 0.4)
     execution = executed_cycle(motion, Robustness(), Draw(1))
-    problem = cycle.problem(0, motion.seams, SEAMS[1])
+    problem = cycle.problem(0, motion.junctions, SEAMS[1])
     (alone,) = judged_runs(problem, motion.trajectory, execution)
     judged = judged_cycle(motion, execution)
     for (found,) in (judged.runs, judged.legs[REACH]):

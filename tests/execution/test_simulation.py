@@ -326,7 +326,7 @@ def test_a_cycle_of_one_move_is_executed_as_that_move_alone(tmp_path, controller
     cycle = Cycle(SEAMS[0], moves_of(robot)[:1])
     motion = motion_of(cycle, 0.4)
     plants = drawn_plants(robot, errors, Draw(1, 5))
-    alone = executed(cycle.problem(0, motion.seams), motion.trajectory, plants, controller)
+    alone = executed(cycle.problem(0, motion.junctions), motion.trajectory, plants, controller)
     assert same(executed_cycle(motion, errors, Draw(1, 5)), alone)
 
 

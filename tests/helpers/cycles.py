@@ -61,10 +61,12 @@ def pick_and_place(robot=None, *, payload=None, dwell=DWELL, closed=True, **more
     return Cycle(HOME, steps, [ball(robot)], closed=closed, **more)
 
 
-def slow_motion(cycle, seams=(HOME, PICK, PLACE, HOME), duration=2.0):
+def slow_motion(cycle, junctions=(HOME, PICK, PLACE, HOME), duration=2.0):
     """Return a slow motion of a cycle: each leg a line in joint space between two seams."""
     names = cycle.robot.joint_names
-    legs = [LegMotion(rest_to_rest(names, begin, end, duration)) for begin, end in pairwise(seams)]
+    legs = [
+        LegMotion(rest_to_rest(names, begin, end, duration)) for begin, end in pairwise(junctions)
+    ]
     return cycle_motion(cycle, legs)
 
 

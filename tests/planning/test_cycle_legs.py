@@ -36,7 +36,7 @@ def test_where_a_closed_cycle_begins_is_chosen_where_it_is_open():
     """The hand of this arm is turned as it likes."""
     result = plan_cycle(parse_cycle({**CYCLE, "start": {"seed": HOME}}), SHORTEST)
     assert result.duration < result.greedy_duration - 0.002
-    begin, end = result.motion.seams[0], result.motion.seams[-1]
+    begin, end = result.motion.junctions[0], result.motion.junctions[-1]
     assert abs(end - begin).max() < 1e-9
     assert abs(begin - HOME).max() > 0.02
     np.testing.assert_allclose(result.motion.cycle.robot.tool_position(begin), BACK, atol=1e-6)
@@ -50,5 +50,5 @@ def test_moves_that_end_in_balls_save_as_much_whether_the_start_is_given_or_not(
     start = [float(np.arctan2(-0.3, 0.45) - elbow / 2), float(elbow)]
     result = plan_cycle(cycle_of(*ways, closed=True, start={kind: start}), SHORTEST)
     assert result.duration < result.greedy_duration - 0.018
-    np.testing.assert_allclose(result.motion.seams[0], start, atol=1e-6)
-    np.testing.assert_allclose(result.motion.seams[-1], start, atol=1e-6)
+    np.testing.assert_allclose(result.motion.junctions[0], start, atol=1e-6)
+    np.testing.assert_allclose(result.motion.junctions[-1], start, atol=1e-6)

@@ -50,7 +50,7 @@ def test_shared_configurations_are_quicker_than_moves_alone(shared: CycleResult)
         assert list(result.certificate.moves) == ["first", "second"]
     # Every leg of the answer is a certified motion of its problem.
     motion = shared.motion
-    problems = motion.cycle.problems(motion.seams)
+    problems = motion.cycle.problems(motion.junctions)
     for problem, leg in zip(problems, motion.legs, strict=True):
         assert verify(problem, leg).passed
     for before, after in pairwise(motion.legs):
@@ -60,7 +60,7 @@ def test_shared_configurations_are_quicker_than_moves_alone(shared: CycleResult)
 def test_a_cycle_of_one_move_is_the_plan_of_its_problem() -> None:
     cycle = cycle_of(move("only", "abcd"))
     result = plan_cycle(cycle, SHORTEST)
-    start = result.motion.seams[0]
+    start = result.motion.junctions[0]
     alone = plan(cycle.problem(0, [start]), SHORTEST)
     assert result.duration == alone.duration
     assert np.array_equal(result.motion.trajectory.coefficients, alone.trajectory.coefficients)
@@ -69,17 +69,17 @@ def test_a_cycle_of_one_move_is_the_plan_of_its_problem() -> None:
 def test_a_closed_cycle_ends_where_it_begins_wherever_that_is() -> None:
     steps = [move("there", "ab", tolerance=0.05), move("back", "ba")]
     free = plan_cycle(cycle_of(*steps, closed=True), SHORTEST)
-    assert free.certificate.seams["closed"]["continuity"].margin > -1e-9
-    shoulder, elbow = free.motion.seams[0]
+    assert free.certificate.junctions["closed"]["continuity"].margin > -1e-9
+    shoulder, elbow = free.motion.junctions[0]
     q = np.array([shoulder + elbow, -elbow])  # bent to the other side, the tool in the same place
     fixed = cycle_of(*steps, closed=True, start={"joints": q.tolist()})
     result = plan_cycle(fixed, SHORTEST)
-    assert np.array_equal(result.motion.seams[0], q)
-    assert abs(result.motion.seams[-1] - q).max() < 1e-9
+    assert np.array_equal(result.motion.junctions[0], q)
+    assert abs(result.motion.junctions[-1] - q).max() < 1e-9
 
 
 def test_a_given_last_goal_of_a_closed_cycle_is_where_it_begins() -> None:
-    there = plan_cycle(cycle_of(move("there", "ab")), SHORTEST).motion.seams[-1]
+    there = plan_cycle(cycle_of(move("there", "ab")), SHORTEST).motion.junctions[-1]
     cycle = cycle_of(
         move("back", "ba"),
         {**move("there", "ab"), "goal": {"joints": there.tolist()}},
@@ -88,7 +88,7 @@ def test_a_given_last_goal_of_a_closed_cycle_is_where_it_begins() -> None:
     )
     result = plan_cycle(cycle, SHORTEST)
     assert result.succeeded
-    assert abs(result.motion.seams[0] - there).max() < 1e-9
+    assert abs(result.motion.junctions[0] - there).max() < 1e-9
 
 
 @pytest.mark.dear("plans three cycles")
@@ -161,11 +161,11 @@ def test_an_end_from_which_the_next_move_leads_nowhere_is_chosen_again(sign: str
     )
     result = plan_cycle(cycle, SHORTEST, shares_configurations=False)
     assert result.succeeded, result.message
-    elbow = result.motion.seams[1][1]
+    elbow = result.motion.junctions[1][1]
     assert elbow > 0 if sign == "+" else elbow < 0
     ours, exact = (
         problem.attached[0].shapes[0].center
-        for problem in (result.legs[1].problem, cycle.problems(result.motion.seams)[1])
+        for problem in (result.legs[1].problem, cycle.problems(result.motion.junctions)[1])
     )
     np.testing.assert_allclose(ours, exact, atol=1e-9)
 
@@ -194,7 +194,7 @@ def test_slack_is_that_of_every_move_and_ends_stay_where_they_are_shared(
     assert smooth.shortest_duration == pytest.approx(shared.duration, rel=1e-9)
     for leg, shortest in zip(smooth.legs, shared.legs, strict=True):
         assert shortest.duration < leg.duration <= 1.02 * shortest.duration * (1 + 1e-9)
-    for ours, theirs in zip(smooth.motion.seams, shared.motion.seams, strict=True):
+    for ours, theirs in zip(smooth.motion.junctions, shared.motion.junctions, strict=True):
         assert abs(ours - theirs).max() < 1e-9
 
 
@@ -254,7 +254,7 @@ def test_a_period_is_that_of_what_is_written_and_takes_no_sharing_away(shared: C
     counts = result.motion.trajectory.breakpoints / period
     assert abs(counts - np.round(counts)).max() < 1e-6
     assert shared.duration < result.duration < shared.greedy_duration + 6 * period
-    for ours, theirs in zip(result.motion.seams, shared.motion.seams, strict=True):
+    for ours, theirs in zip(result.motion.junctions, shared.motion.junctions, strict=True):
         assert abs(ours - theirs).max() < 1e-6
 
 

@@ -46,7 +46,7 @@ def test_legs_are_what_they_were_made_of():
         assert end - begin == pytest.approx(2.0)
         expected = rest_to_rest(CYCLE.robot.joint_names, *ends, 2.0)
         np.testing.assert_allclose(leg.coefficients, expected.coefficients)
-    np.testing.assert_allclose(MOTION.seams, [HOME, PICK, PLACE, HOME], atol=1e-12)
+    np.testing.assert_allclose(MOTION.junctions, [HOME, PICK, PLACE, HOME], atol=1e-12)
 
 
 def test_moves_are_known_by_name_and_legs_by_time():
@@ -68,7 +68,7 @@ def test_moves_that_pass_through_have_a_mark_within_their_leg():
         "on": pytest.approx((0.85, 2.1)),
     }
     assert motion.trajectory.duration == pytest.approx(2.3)
-    np.testing.assert_allclose(motion.seams, [HOME, PLACE])
+    np.testing.assert_allclose(motion.junctions, [HOME, PLACE])
     # Where tubes overlap, hand-overs may share an instant.
     motion = cycle_motion(Cycle(HOME, steps), [replace(leg, passed=(0.0,))])
     assert motion.move_times["go"] == pytest.approx((0.1, 0.1))
@@ -82,7 +82,7 @@ def test_joints_are_put_into_the_cycles_order():
     )
     motion = CycleMotion(CYCLE, swapped, MOTION.marks)
     assert motion.trajectory.joint_names == CYCLE.robot.joint_names
-    np.testing.assert_allclose(motion.seams, MOTION.seams)
+    np.testing.assert_allclose(motion.junctions, MOTION.junctions)
 
 
 @pytest.mark.parametrize(

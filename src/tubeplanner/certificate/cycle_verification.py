@@ -33,13 +33,13 @@ class CycleCertificate:
 
     Attributes:
         moves: Certificates by name; moves that run without a stop share a certificate.
-        seams: Conditions by name, at each junction, by its name.
+        junctions: Conditions by name, at each junction, by its name.
         refused: Reasons by name of the moves whose start their problem refuses.
         tolerance: Largest violation that counts as none.
     """
 
     moves: Mapping[str, Certificate]
-    seams: Mapping[str, Mapping[str, JudgedCondition]]
+    junctions: Mapping[str, Mapping[str, JudgedCondition]]
     refused: Mapping[str, str]
     tolerance: Tolerance
 
@@ -47,7 +47,7 @@ class CycleCertificate:
         failed = self.failures()
         return (
             f"<CycleCertificate {'fails ' + ', '.join(failed) if failed else 'passed'}: "
-            f"{len(self.moves)} moves, {len(self.seams)} seams>"
+            f"{len(self.moves)} moves, {len(self.junctions)} seams>"
         )
 
     @property
@@ -59,9 +59,9 @@ class CycleCertificate:
         """Return the failed conditions, as "MOVE: CONDITION" or "SEAM: CONDITION"."""
         failures = [f"{move}: start" for move in self.refused]
         failures += [f"{move}: {c}" for move, each in self.moves.items() for c in each.failures()]
-        for seam, conditions in self.seams.items():
+        for junction, conditions in self.junctions.items():
             failed = [n for n, each in conditions.items() if not each.holds(self.tolerance)]
-            failures += [f"{seam}: {name}" for name in failed]
+            failures += [f"{junction}: {name}" for name in failed]
         return failures
 
     def describe(self, failure: str) -> str:
@@ -71,7 +71,7 @@ class CycleCertificate:
             return f"{where}: {self.refused[where]}"
         if where in self.moves:
             return f"{where}: {self.moves[where].describe(name)}"
-        condition = self.seams[where][name]
+        condition = self.junctions[where][name]
         unit = "" if condition.unit == RELATIVE else f" {condition.unit}"
         return f"{where}: {name}: margin {condition.margin:.3g}{unit} ({condition.coverage})"
 
@@ -80,7 +80,7 @@ class CycleCertificate:
         where, name = failure.rsplit(": ", 1)
         if where in self.refused:
             return Place(move=where)
-        conditions = self.moves[where].conditions if where in self.moves else self.seams[where]
+        conditions = self.moves[where].conditions if where in self.moves else self.junctions[where]
         return conditions[name].where
 
     def as_dict(self) -> dict[str, Any]:
@@ -96,8 +96,8 @@ class CycleCertificate:
             "tolerance": tolerance,
             "moves": {**moves, **refused},
             "seams": {
-                seam: {name: each.as_dict(self.tolerance) for name, each in conditions.items()}
-                for seam, conditions in self.seams.items()
+                junction: {name: each.as_dict(self.tolerance) for name, each in conditions.items()}
+                for junction, conditions in self.junctions.items()
             },
         }
 
@@ -136,7 +136,7 @@ def verify_cycle(
             refused |= {move.name: str(error) for move in leg.moves}
         else:
             moves |= {move.name: judged for move in leg.moves}
-    return CycleCertificate(moves, dict(_judged_seams(cycle, motion)), refused, tolerance)
+    return CycleCertificate(moves, dict(_judged_junctions(cycle, motion)), refused, tolerance)
 
 
 def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance) -> Certificate:
@@ -146,7 +146,7 @@ def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance)
         ProblemError: The leg's problem refuses its start.
     """
     begin, end = motion.leg_times[k]
-    problem = cycle.problem(k, motion.seams[: k + 2])
+    problem = cycle.problem(k, motion.junctions[: k + 2])
     if k == 0:
         problem = replace(problem, start=cycle.start)
     judged = verify(problem, part_of(motion.trajectory, begin, end), tolerance)
@@ -157,7 +157,7 @@ def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance)
     return replace(judged, conditions=conditions)
 
 
-def _judged_seams(
+def _judged_junctions(
     cycle: Cycle, motion: CycleMotion
 ) -> Iterator[tuple[str, Mapping[str, JudgedCondition]]]:
     """Yield name and conditions of every seam."""
@@ -174,16 +174,16 @@ def _judged_seams(
             },
         )
     if cycle.closed:
-        off, end = abs(motion.seams[-1] - motion.seams[0]), motion.trajectory.duration
+        off, end = abs(motion.junctions[-1] - motion.junctions[0]), motion.trajectory.duration
         gap = _judged_gap(cycle.robot, off, end, "the end against the start")
         yield "closed", {"continuity": gap}
 
 
-def _judged_stay(motion: CycleMotion, seam: int, begin: float, end: float) -> JudgedCondition:
+def _judged_stay(motion: CycleMotion, junction: int, begin: float, end: float) -> JudgedCondition:
     """Judge the travel of joints at a seam, between two times [s], where none may move."""
     legs = motion.legs
-    stops = [leg.position(leg.duration) for leg in legs[:seam][-1:]]
-    starts = [leg.position(0.0) for leg in legs[seam : seam + 1]]
+    stops = [leg.position(leg.duration) for leg in legs[:junction][-1:]]
+    starts = [leg.position(0.0) for leg in legs[junction : junction + 1]]
     travelled = [np.zeros_like(q) for q in (*stops, *starts)]
     if begin < end:
         part = part_of(motion.trajectory, begin, end)
@@ -198,14 +198,14 @@ def _judged_stay(motion: CycleMotion, seam: int, begin: float, end: float) -> Ju
     return _judged_gap(motion.cycle.robot, farthest, begin, FOR_ALL_TIMES)
 
 
-def _judged_dwell(motion: CycleMotion, seam: int) -> JudgedCondition:
+def _judged_dwell(motion: CycleMotion, junction: int) -> JudgedCondition:
     """Judge the time that the arm rests at a seam, against the dwell of each event."""
     cycle = motion.cycle
-    first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:seam])
+    first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:junction])
     spans = motion.step_times[first:]
     spare = [
         (end - begin - step.dwell, begin)
-        for step, (begin, end) in zip(cycle.stop_at(seam).steps, spans, strict=False)
+        for step, (begin, end) in zip(cycle.stop_at(junction).steps, spans, strict=False)
         if isinstance(step, Event) and step.dwell > 0
     ]
     if not spare:

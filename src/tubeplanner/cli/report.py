@@ -355,14 +355,18 @@ def _certificate_text(certificate: CycleCertificate) -> str:
     for name in CONDITION_NAMES if certificates else ():
         for condition in _decisive([each.conditions[name] for each in certificates], certificate):
             moves.add_row(name, *condition_cells(condition, certificate.tolerance))
-    seams = _condition_table("Seams, where the arm is at rest: each condition where it is tightest")
-    of_seams = [(n, c, seam) for seam, own in certificate.seams.items() for n, c in own.items()]
-    for name in dict.fromkeys(name for name, _, _ in of_seams):
-        named = {id(c): seam for n, c, seam in of_seams if n == name}
-        for condition in _decisive([c for n, c, _ in of_seams if n == name], certificate):
+    junctions = _condition_table(
+        "Seams, where the arm is at rest: each condition where it is tightest"
+    )
+    of_junctions = [
+        (n, c, junction) for junction, own in certificate.junctions.items() for n, c in own.items()
+    ]
+    for name in dict.fromkeys(name for name, _, _ in of_junctions):
+        named = {id(c): junction for n, c, junction in of_junctions if n == name}
+        for condition in _decisive([c for n, c, _ in of_junctions if n == name], certificate):
             cells = condition_cells(condition, certificate.tolerance)
-            seams.add_row(escape(f"{name}: {named[id(condition)]}"), *cells)
-    return "\n".join(rendered(table) for table in (moves, seams))
+            junctions.add_row(escape(f"{name}: {named[id(condition)]}"), *cells)
+    return "\n".join(rendered(table) for table in (moves, junctions))
 
 
 def _decisive(

@@ -175,7 +175,7 @@ def executed_legs(motion: CycleMotion, execution: Execution) -> list[ExecutedLeg
         ProblemError: A leg begins or ends where its problem does not allow it.
     """
     time, result = execution.time, []
-    problems = motion.cycle.problems(motion.seams)
+    problems = motion.cycle.problems(motion.junctions)
     for leg, problem, span in zip(motion.cycle.legs, problems, _spans(motion), strict=True):
         begin, end = span
         part = part_of(motion.trajectory, begin, min(end, motion.trajectory.duration))
@@ -202,11 +202,11 @@ def _spans(motion: CycleMotion) -> list[tuple[float, float]]:
         [time for time in handed_over if end <= time <= begin]
         for end, begin in zip(ends, begins, strict=True)
     ]
-    seams = [
+    junctions = [
         (min(at, default=begin), max(at, default=begin))
         for at, begin in zip(stops, begins, strict=True)
     ]
-    return [(last, first) for (_, last), (first, _) in pairwise(seams)]
+    return [(last, first) for (_, last), (first, _) in pairwise(junctions)]
 
 
 def handover_errors(motion: CycleMotion, execution: Execution) -> Iterator[HandoverErrors]:

@@ -288,8 +288,8 @@ def _arms(motion: CycleMotion) -> Iterator[_Arm]:
     """Yield the arm at every seam, before its steps and after each step."""
     payloads: Mapping[str, Payload] = {}
     times = iter([mark.time for mark in motion.marks if mark.kind != MOVE])
-    for seam, begin in enumerate([0.0, *(end for _, end in motion.leg_times)]):
-        stop = motion.cycle.stop_at(seam)
+    for junction, begin in enumerate([0.0, *(end for _, end in motion.leg_times)]):
+        stop = motion.cycle.stop_at(junction)
         yield _Arm(begin, stop.arms[0], payloads)
         for step, robot in zip(stop.steps, stop.arms[1:], strict=True):
             if isinstance(step, Attach) and step.payload is not None:

@@ -298,7 +298,7 @@ def cycle_sections(cycle: Cycle, motion: CycleMotion) -> tuple[MotionSection, ..
     sections = []
     for k, (leg, (begin, _)) in enumerate(zip(motion.legs, motion.leg_times, strict=True)):
         try:
-            problem = cycle.problem(k, motion.seams[: k + 1])
+            problem = cycle.problem(k, motion.junctions[: k + 1])
         except ProblemError:  # where the leg begins there is no solution: it fails, but is drawn
             problem = cycle.problem_from_anywhere(k)
         sections.append(MotionSection(problem, leg, begin))
@@ -306,21 +306,21 @@ def cycle_sections(cycle: Cycle, motion: CycleMotion) -> tuple[MotionSection, ..
 
 
 def _stop_curves(
-    cycle: Cycle, motion: CycleMotion, seam: int, beside: TrajectoryCurves, sample: int
+    cycle: Cycle, motion: CycleMotion, junction: int, beside: TrajectoryCurves, sample: int
 ) -> Iterator[TrajectoryCurves]:
     """Yield the curves of steps that take time at a junction.
 
     Args:
         cycle: The cycle.
         motion: Its motion.
-        seam: Index of the junction.
+        junction: Index of the junction.
         beside: Curves of the leg after the junction, or before it.
         sample: Index of the sample at the junction.
     """
-    stop, marks = cycle.stop_at(seam), motion.marks
-    first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:seam])
+    stop, marks = cycle.stop_at(junction), motion.marks
+    first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:junction])
     times = [mark.time for mark in marks[first : first + len(stop.steps) + 1]]
-    if seam == len(cycle.legs):
+    if junction == len(cycle.legs):
         times.append(motion.trajectory.duration)
     for (begin, end), arm in zip(pairwise(times), stop.arms[1:], strict=True):
         if end > begin:

@@ -38,7 +38,7 @@ from tubeplanner.task.problem import PlanningProblem
 _SAME = 0.1  # [rad or m] of every joint
 
 
-def other_ends(cycle: Cycle, k: int, seams: list[FloatArray]) -> Iterator[FloatArray]:
+def other_ends(cycle: Cycle, k: int, junctions: list[FloatArray]) -> Iterator[FloatArray]:
     """Yield other configurations (n,) for leg k's begin, each with a branch along the leg.
 
     Configurations nearest to the begin of the leg before come first.
@@ -46,7 +46,8 @@ def other_ends(cycle: Cycle, k: int, seams: list[FloatArray]) -> Iterator[FloatA
     Args:
         cycle: The cycle; the leg before ends openly.
         k: Index of the leg.
-        seams: Configurations (n,) of the junctions up to the leg's begin; the last one as it is.
+        junctions: Configurations (n,) of the junctions up to the leg's begin; the last one as it
+            is.
     """
     before = cycle.problem_from_anywhere(k - 1)
     after = cycle.problem_from_anywhere(k)
@@ -54,14 +55,14 @@ def other_ends(cycle: Cycle, k: int, seams: list[FloatArray]) -> Iterator[FloatA
     upper = np.minimum(before.joint_upper[-1], after.joint_upper[0])
     if (lower > upper).any():
         return
-    distinct = [seams[k]]
-    for q in _reaching(before, seams[k], lower, upper):
+    distinct = [junctions[k]]
+    for q in _reaching(before, junctions[k], lower, upper):
         if all(abs(q - other).max() > _SAME for other in distinct):
             distinct.append(q)
-    others = sorted(distinct[1:], key=lambda q: float(abs(q - seams[k - 1]).max()))
+    others = sorted(distinct[1:], key=lambda q: float(abs(q - junctions[k - 1]).max()))
     for q in others:
         try:
-            problem = cycle.problem(k, [*seams[:k], q]).joined
+            problem = cycle.problem(k, [*junctions[:k], q]).joined
         except ProblemError:
             continue
         if is_free(problem, "start", q) and is_continued(problem):
@@ -105,32 +106,32 @@ def greedy_plan(cycle: Cycle, options: PlanOptions, clock: PlanningClock) -> lis
     Raises:
         BlockedLeg: A leg has no answer from there.
     """
-    seams = [first_configuration(cycle)]
+    junctions = [first_configuration(cycle)]
     plans: list[LegPlan] = []
     for k in range(len(cycle.legs)):
         try:
-            plans.append(_planned_from(cycle, k, seams, options, clock))
+            plans.append(_planned_from(cycle, k, junctions, options, clock))
         except BlockedLeg as blocked:
             was_stopped = blocked.result.stopped_by is not None or blocked.result.status in _STOPPED
             if k == 0 or was_stopped or not cycle.legs[k - 1].joined.ends_openly:
                 raise
-            plans[-1:] = _planned_around(cycle, k, seams, options, clock, blocked)
-            seams[-1] = plans[-2].end
-        seams.append(plans[-1].end)
+            plans[-1:] = _planned_around(cycle, k, junctions, options, clock, blocked)
+            junctions[-1] = plans[-2].end
+        junctions.append(plans[-1].end)
     return plans
 
 
 def _planned_from(
-    cycle: Cycle, k: int, seams: list[FloatArray], options: PlanOptions, clock: PlanningClock
+    cycle: Cycle, k: int, junctions: list[FloatArray], options: PlanOptions, clock: PlanningClock
 ) -> LegPlan:
     """Return the shortest motion of leg k from the end of the leg before."""
-    return planned_leg(cycle, k, leg_problem(cycle, k, seams), options, clock)
+    return planned_leg(cycle, k, leg_problem(cycle, k, junctions), options, clock)
 
 
 def _planned_around(
     cycle: Cycle,
     k: int,
-    seams: list[FloatArray],
+    junctions: list[FloatArray],
     options: PlanOptions,
     clock: PlanningClock,
     blocked: BlockedLeg,
@@ -141,12 +142,12 @@ def _planned_around(
         BlockedLeg: As before, if there are no such motions.
     """
     count = 0
-    for q in islice(other_ends(cycle, k, seams), _MAX_CANDIDATES):
+    for q in islice(other_ends(cycle, k, junctions), _MAX_CANDIDATES):
         count += 1
         with suppress(BlockedLeg):
-            problem = cycle.problem(k - 1, seams[:-1], q)
+            problem = cycle.problem(k - 1, junctions[:-1], q)
             before = planned_leg(cycle, k - 1, problem, options, clock)
-            return [before, _planned_from(cycle, k, [*seams[:-1], q], options, clock)]
+            return [before, _planned_from(cycle, k, [*junctions[:-1], q], options, clock)]
     if count == 0:
         raise blocked
     result = blocked.result
@@ -172,20 +173,20 @@ def first_configuration(cycle: Cycle) -> FloatArray:
         raise BlockedLeg(leg, refused_result(reason, "")) from None
 
 
-def leg_problem(cycle: Cycle, k: int, seams: list[FloatArray]) -> PlanningProblem:
+def leg_problem(cycle: Cycle, k: int, junctions: list[FloatArray]) -> PlanningProblem:
     """Return a leg's problem from the end of the leg before; the last leg closes a closed cycle.
 
     Args:
         cycle: The cycle.
         k: Index of the leg.
-        seams: Configurations (n,) of all junctions up to the leg's begin.
+        junctions: Configurations (n,) of all junctions up to the leg's begin.
 
     Raises:
         BlockedLeg: The leg's start or goal is not allowed there.
     """
     closes = cycle.closed and k == len(cycle.legs) - 1
     try:
-        return cycle.problem(k, seams, seams[0] if closes else None)
+        return cycle.problem(k, junctions, junctions[0] if closes else None)
     except ProblemError as error:
         reason = Infeasible(PlanStatus.UNREACHABLE, str(error), Place())
         raise BlockedLeg(k, refused_result(reason, "")) from None

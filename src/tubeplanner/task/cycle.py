@@ -164,46 +164,50 @@ class Cycle:
         """The arm of the first leg."""
         return self.legs[0].robot
 
-    def cells(self, seams: Sequence[FloatArray]) -> list[Cell]:
+    def cells(self, junctions: Sequence[FloatArray]) -> list[Cell]:
         """Return the cell of every leg whose start is known.
 
         Args:
-            seams: Configurations (n,) of the first seams, at least one.
+            junctions: Configurations (n,) of the first seams, at least one.
         """
         cell, cells = Cell(tuple(self.obstacles), tuple(self.attached)), []
-        for leg, q in zip(self.legs, seams, strict=False):
+        for leg, q in zip(self.legs, junctions, strict=False):
             cell = replace(cell, handed_over=())
             for step in leg.before.steps:
                 cell = cell.after(step, leg.robot, q)
             cells.append(cell)
         return cells
 
-    def problem(self, k: int, seams: Sequence[FloatArray], goal: Goal = None) -> PlanningProblem:
+    def problem(
+        self, k: int, junctions: Sequence[FloatArray], goal: Goal = None
+    ) -> PlanningProblem:
         """Return the planning problem of a leg in its cell.
 
         Args:
             k: Index of the leg.
-            seams: Configurations (n,) of all seams up to the start of the leg, or to its end if
+            junctions: Configurations (n,) of all seams up to the start of the leg, or to its end if
                 that is known.
             goal: Goal in place of the move's; None: the move's.
 
         Raises:
             ProblemError: As a `PlanningProblem`; the message names the move.
         """
-        end = seams[k + 1] if len(seams) > k + 1 else None
-        return self._problem(k, self.cells(seams)[k], seams[k], goal, end)
+        end = junctions[k + 1] if len(junctions) > k + 1 else None
+        return self._problem(k, self.cells(junctions)[k], junctions[k], goal, end)
 
-    def problems(self, seams: Sequence[FloatArray]) -> tuple[PlanningProblem, ...]:
+    def problems(self, junctions: Sequence[FloatArray]) -> tuple[PlanningProblem, ...]:
         """Return the planning problems of all legs.
 
         Args:
-            seams: Configurations (n,) of all seams, one more than legs.
+            junctions: Configurations (n,) of all seams, one more than legs.
 
         Raises:
             ProblemError: As `problem`.
         """
-        cells = self.cells(seams)
-        return tuple(self._problem(k, cells[k], *pair) for k, pair in enumerate(pairwise(seams)))
+        cells = self.cells(junctions)
+        return tuple(
+            self._problem(k, cells[k], *pair) for k, pair in enumerate(pairwise(junctions))
+        )
 
     def problem_from_anywhere(self, k: int) -> PlanningProblem:
         """Return the planning problem of a leg whose start is not known yet.
@@ -233,9 +237,9 @@ class Cycle:
             return f"moves {before + 1} to {before + len(leg.moves)} of {count}, {names}"
         return f"move {before + 1} of {count}, {names}"
 
-    def stop_at(self, seam: int) -> Stop:
+    def stop_at(self, junction: int) -> Stop:
         """Return the rest at a seam."""
-        return self.after if seam == len(self.legs) else self.legs[seam].before
+        return self.after if junction == len(self.legs) else self.legs[junction].before
 
     def _problem(
         self,

@@ -98,7 +98,7 @@ class CycleMotion:
         return {mark.name: span for mark, span in spans if mark.kind == MOVE}
 
     @cached_property
-    def seams(self) -> list[FloatArray]:
+    def junctions(self) -> list[FloatArray]:
         """Configurations (n,) at the start of each leg and at the end of the last leg."""
         times = [*(begin for begin, _ in self.leg_times), self.leg_times[-1][1]]
         return [self.trajectory.position(time) for time in times]

@@ -256,7 +256,7 @@ def test_a_leg_that_begins_where_it_has_no_place_is_drawn(cycle, tmp_path, undra
     passed = ((), (0.5,), ())
     motion = cycle_motion(cycle, [LegMotion(*each) for each in zip(legs, passed, strict=True)])
     with pytest.raises(ProblemError):
-        cycle.problem(1, motion.seams[:2])
+        cycle.problem(1, motion.junctions[:2])
     assert len(cycle_curves(cycle, motion)) == 5
     plot_cycle(cycle, motion, tmp_path / "figure.png")
     assert (tmp_path / "figure.png").read_bytes() == undrawn
@@ -267,7 +267,7 @@ def test_a_rest_at_the_end_is_drawn(cycle):
     motion = motion_of(cooled)
     last, end = cycle_curves(cooled, motion)[-1], motion.trajectory.duration
     np.testing.assert_allclose(last.samples.time, [end - 0.5, end])
-    np.testing.assert_allclose(last.samples.position[0], motion.seams[-1])
+    np.testing.assert_allclose(last.samples.position[0], motion.junctions[-1])
 
 
 def test_every_panel_has_all_of_the_cycle(axes, motion):

@@ -70,10 +70,12 @@ def test_times_increase_to_the_end_of_all_parts(samples, whole):
 
 def test_the_arm_stays_in_the_seams_while_it_dwells(samples, whole, motion):
     table, _ = whole
-    for seam, begin, dwell in zip(motion.seams[1:3], samples.begins[1:], DWELLS[:2], strict=True):
+    for junction, begin, dwell in zip(
+        motion.junctions[1:3], samples.begins[1:], DWELLS[:2], strict=True
+    ):
         inside = (table.time > begin - dwell) & (table.time < begin)
         assert inside.sum() >= dwell * RATE - 2
-        np.testing.assert_allclose(table.position[inside], seam[None].repeat(inside.sum(), 0))
+        np.testing.assert_allclose(table.position[inside], junction[None].repeat(inside.sum(), 0))
         assert not table.velocity[inside].any()
 
 
@@ -81,14 +83,16 @@ def test_the_motors_hold_what_is_carried_then(samples, whole, motion):
     """The gripper closes before the part is taken, and opens before it is let go."""
     table, effort = whole
     empty, loaded = (leg.robot for leg in motion.cycle.legs[:2])
-    for begin, q, arm in zip(samples.begins[1:], motion.seams[1:3], (empty, loaded), strict=True):
+    for begin, q, arm in zip(
+        samples.begins[1:], motion.junctions[1:3], (empty, loaded), strict=True
+    ):
         row = int(np.flatnonzero(table.time < begin - 1e-9)[-1])
         np.testing.assert_allclose(effort[row], arm.gravity_effort(q))
     first = int(np.flatnonzero(table.time > samples.begins[1] - 1e-9)[0])
     state = (table.position[first], table.velocity[first], table.acceleration[first])
     carried = loaded.inverse_dynamics(*(each[None] for each in state))[0]
     np.testing.assert_allclose(effort[first], carried)
-    q = motion.seams[1]
+    q = motion.junctions[1]
     assert abs(loaded.gravity_effort(q) - empty.gravity_effort(q)).max() > 0.1
 
 
@@ -141,7 +145,7 @@ def test_ros_has_a_message_for_every_leg_with_comments(written, motion, tmp_path
     before = "# before it: gripper 'close' (0.05 s), attach part\n"
     assert f"# 2 of 3: move down, beside\n{before}" in text
     assert "# after it: pause (0.1 s)\n" in text
-    problems = motion.cycle.problems(motion.seams)
+    problems = motion.cycle.problems(motion.junctions)
     for problem, part in zip(problems, text.split("---\n"), strict=True):
         path = tmp_path / "leg.yaml"
         path.write_text(part)

@@ -59,7 +59,7 @@ def test_a_part_stands_moves_with_the_tool_and_stands_where_the_next_cell_has_it
     during = (time >= begin) & (time <= end)
     grips = np.linalg.inv(tool[during]) @ part.poses[during]
     assert abs(grips - grips[0]).max() < TOLERANCE
-    (left,) = [each for each in cycle.cells(motion.seams)[2].obstacles if each.name == "part"]
+    (left,) = [each for each in cycle.cells(motion.junctions)[2].obstacles if each.name == "part"]
     after = np.flatnonzero(time >= end)
     for step in (after[0], after[-1]):
         placed = part.surface.moved(part.poses[step]).vertices

@@ -145,12 +145,12 @@ def _draw_space(
     tubes = [(move.tube, segment_color(k)) for k, move in enumerate(moves)]
     handed_over = {step.name for step in cycle.steps if isinstance(step, Attach)}
     path = np.vstack([run.tool for run in runs])
-    seams = np.array(motion.seams)
-    drawn = _far_apart(cycle.robot, seams)
+    junctions = np.array(motion.junctions)
+    drawn = _far_apart(cycle.robot, junctions)
     # At a junction the arm has the parts of the next leg; at the end, those of the last.
     carried = [problems[min(k, len(problems) - 1)].attached for k in drawn]
     content = SpaceContent(
-        cycle.robot, seams[drawn], carried, 0, path, tubes, cycle.obstacles, handed_over
+        cycle.robot, junctions[drawn], carried, 0, path, tubes, cycle.obstacles, handed_over
     )
     draw_space(axis, content)
 

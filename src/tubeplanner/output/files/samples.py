@@ -210,12 +210,12 @@ class CycleSamples:
     def _parts(self) -> Iterator[tuple[TrajectorySamples, FloatArray]]:
         """Yield samples of every leg and dwell, from time zero, and efforts (N, n)."""
         motion = self.motion
-        cycle, seams = motion.cycle, motion.seams
+        cycle, junctions = motion.cycle, motion.junctions
         for k, trajectory in enumerate(motion.legs):
-            yield from self._dwells(cycle.legs[k].before, seams[k])
+            yield from self._dwells(cycle.legs[k].before, junctions[k])
             samples = self.legs[k].samples
             yield samples, motor_effort(cycle.legs[k].robot, trajectory, samples)
-        yield from self._dwells(cycle.after, seams[-1])
+        yield from self._dwells(cycle.after, junctions[-1])
 
     def _dwells(self, stop: Stop, q: FloatArray) -> Iterator[tuple[TrajectorySamples, FloatArray]]:
         """Yield samples and efforts of every dwell of a rest in a configuration (n,)."""
@@ -235,6 +235,6 @@ def cycle_samples(motion: CycleMotion, rate: float) -> CycleSamples:
     Raises:
         TrajectoryError: The rate is not positive, or makes too many samples.
     """
-    problems = motion.cycle.problems(motion.seams)
+    problems = motion.cycle.problems(motion.junctions)
     legs = zip(problems, motion.legs, strict=True)
     return CycleSamples(motion, tuple(samples_for_export(*leg, rate) for leg in legs), rate)
