@@ -100,10 +100,10 @@ def ended_lives(runs: Runs, moments: int, numbers: random.Random, table: Table) 
 
 def without_room(runs: Runs, table: Table) -> None:
     """Run on disks that have little room or none, and on one that is mounted for reading alone."""
-    for room in ROOMS:
+    for slack in ROOMS:
         place = runs.place()
         with _disk(place):
-            _fill(place.out / "filler", room)
+            _fill(place.out / "filler", slack)
             ended = runs.forked(place)
             table.add("full disk", place, faults_without_room(runs, place, ended, "make room"))
     place = runs.place()
@@ -222,10 +222,10 @@ def _disk(place: Place) -> Iterator[None]:
         subprocess.run(["umount", place.out], check=True)
 
 
-def _fill(path: Path, room: int) -> None:
+def _fill(path: Path, slack: int) -> None:
     """Fill a disk up to some room [KiB], in whole pages."""
     free = os.statvfs(path.parent)
-    path.write_bytes(bytes(max(free.f_bavail * free.f_bsize - 1024 * room, 0)))
+    path.write_bytes(bytes(max(free.f_bavail * free.f_bsize - 1024 * slack, 0)))
 
 
 def _prepare(inputs: Path) -> None:

@@ -250,10 +250,10 @@ def _broken_places(
     begin, along = tube.points[:-1], np.diff(tube.points, axis=0)
     fraction = np.einsum("kmi,mi->km", tool[:, None] - begin, along) / (along**2).sum(axis=1)
     nearest = begin + np.clip(fraction, 0.0, 1.0)[:, :, None] * along
-    room = tube.radius - np.linalg.norm(tool[:, None] - nearest, axis=2)
+    slack = tube.radius - np.linalg.norm(tool[:, None] - nearest, axis=2)
     lower, upper = tube.ranges_of(robot.joint_names)
     in_ranges = np.minimum(dense[:, None] - lower, upper - dense[:, None]).min(axis=2)
-    fits = np.minimum(np.minimum(room, in_ranges), tube.rotation_margin(turn, tool))
+    fits = np.minimum(np.minimum(slack, in_ranges), tube.rotation_margin(turn, tool))
     (rotation, origin), checker, broken = robot.body_poses(q), problem.collision, {}
     moved = np.concatenate([origin[:, :1], origin[:, 1:] + base], axis=1)
     for name, at, pairs, least in (

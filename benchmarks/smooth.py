@@ -74,7 +74,7 @@ class Row:
     name: str
     durations: tuple[float, float]
     measures: tuple[Measures, Measures]
-    room: tuple[float, float]
+    slack: tuple[float, float]
     radius: float
     less: float
     cpu: float
@@ -105,10 +105,10 @@ def segment_room(problem: PlanningProblem, trajectory: JointTrajectory) -> Float
     """Return the fraction of its tolerance that the tool leaves free in each segment, (m,)."""
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
     segment = current_segments(problem, trajectory, samples)
-    room = np.ones(problem.tube.segment_count)
+    slack = np.ones(problem.tube.segment_count)
     use = tube_use(problem, problem.robot.tool_position(samples.position), segment)
-    np.minimum.at(room, segment, 1 - use)
-    return room
+    np.minimum.at(slack, segment, 1 - use)
+    return slack
 
 
 def timed_plan(problem: PlanningProblem, slack: float) -> tuple[PlanResult, float, float]:
@@ -160,11 +160,11 @@ def _print_row(row: Row) -> None:
     for name, shape in zip(before, ("5.1f", "6.0f", "8.1e", "6.0f", "6.1f"), strict=True):
         fraction = row.ratios[name]
         cells.append(f"{before[name]:{shape}} {after[name]:{shape}} {fraction:5.3f}")
-    durations, room = row.durations, [1000 * value for value in row.room]
+    durations, slack = row.durations, [1000 * value for value in row.slack]
     print(
         f"{row.name:28} {durations[0]:7.4f} {durations[1]:7.4f} ",
         "  ".join(cells),
-        f" {room[0]:6.2f} {room[1]:6.2f} {row.less:6.3f}  {row.cpu:5.2f}",
+        f" {slack[0]:6.2f} {slack[1]:6.2f} {row.less:6.3f}  {row.cpu:5.2f}",
         flush=True,
     )
 
@@ -183,7 +183,7 @@ def _faults(rows: list[Row]) -> list[str]:
     """Return the goals that are missed, in words."""
     faults = []
     for row in rows:
-        less = (row.room[0] - row.room[1]) / row.radius
+        less = (row.slack[0] - row.slack[1]) / row.radius
         for what, value, most in (
             ("share of variation", row.ratios["variation"], MAX_VARIATION),
             ("fraction of effort rate", row.ratios["rate"], MAX_RATE),

@@ -98,7 +98,7 @@ from .studies.tubes.zones import ZonedPath as ZonedPath  # returned
 from .studies.explanation import explain as explain
 from .studies.explanation import Explanation as Explanation  # returned
 from .studies.remedies import Remedy as Remedy  # returned
-from .studies.remedies import Room as Room  # returned
+from .studies.remedies import Headroom as Headroom  # returned
 
 # Many plans
 from .studies.plan_many import plan_many as plan_many

@@ -193,7 +193,7 @@ def test_a_name_is_not_read_as_markup():
 def test_a_problem_with_an_answer_shows_what_limits_it_and_its_room():
     dear = Sensitivity("effort", "joint1", None, -0.3, 0.0123)
     free = Sensitivity("velocity", "joint2", None, 0.0, 0.0)
-    text = text_of(PlanStatus.SUCCESS, Place(), sensitivities=(dear, free), rooms=(CLOSE, ROOM))
+    text = text_of(PlanStatus.SUCCESS, Place(), sensitivities=(dear, free), headrooms=(CLOSE, ROOM))
     assert f"what limits it most; 10 % more would save:\n  {dear}\n" in text
     assert str(free) not in text
     assert cells(text, "radius 30") == ["radius 30 -> 5 mm", "2.250 s", "0.5 rad", ROOM.field]

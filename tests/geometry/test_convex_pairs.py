@@ -107,15 +107,15 @@ def test_the_least_room_is_that_of_all_pairs(placed):
     exact = native.closest_points(rotation, position, *every).distance.reshape(len(rows), -1)
     required = np.random.default_rng(4).uniform(0, 0.02, len(pairs))
     required[::7] = -np.inf if len(pairs) > 1 else 0.0
-    room = np.where(required > -np.inf, exact - required, np.inf)
-    result = native.least_room(rotation, position, pairs, required, NEAR)
-    least = room.min(axis=1)
+    slack = np.where(required > -np.inf, exact - required, np.inf)
+    result = native.least_slack(rotation, position, pairs, required, NEAR)
+    least = slack.min(axis=1)
     assert (least < NEAR).sum() > 10
     none = least >= NEAR
-    assert ((result.pair[none] == -1) & (result.room[none] == NEAR)).all()
+    assert ((result.pair[none] == -1) & (result.slack[none] == NEAR)).all()
     proven = ~none & result.proven
-    np.testing.assert_allclose(result.room[proven], least[proven], rtol=0, atol=2e-9)
-    np.testing.assert_array_equal(result.pair[proven], room[proven].argmin(axis=1))
+    np.testing.assert_allclose(result.slack[proven], least[proven], rtol=0, atol=2e-9)
+    np.testing.assert_array_equal(result.pair[proven], slack[proven].argmin(axis=1))
     cores = exact + placed.radii(pairs)
     assert (cores[rows, result.pair][~result.proven] < 1e-6).all()
     assert not result.proven[(cores[:, required > -np.inf] < -1e-6).any(axis=1)].any()

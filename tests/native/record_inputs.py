@@ -197,7 +197,7 @@ def measure_pairs(count):
     shapes.gaps_along(*poses, row, pairs, along, np.zeros(count))
     shapes.closest_points(*poses, row, pairs)
     shapes.near_distances(*poses, pairs, np.ones((count, count)), np.zeros((count, count)))
-    shapes.least_room(*poses, pairs, np.zeros(count), 1.0)
+    shapes.least_slack(*poses, pairs, np.zeros(count), 1.0)
 
 
 def small_programs():

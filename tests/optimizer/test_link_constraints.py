@@ -211,18 +211,18 @@ def test_links_that_pass_between_coarse_samples_are_given_up_on_the_finest(bundl
 
 def test_room_beyond_what_is_asked_is_kept_from_obstacles(two_link):
     """As if the clearance were larger by it, between links and obstacles."""
-    clearance, room = 0.01, 0.015
+    clearance, slack = 0.01, 0.015
     problem = problem_with(two_link, POST, clearance=clearance)
     spline = begun(problem, 12)
     samples = spline.grid.samples_at(spline.switching_times, np.linspace(0.2, 0.8, 7))
 
-    def slacks_of(problem, room=0.0):
-        links = LinkConstraints(problem, room)
+    def slacks_of(problem, slack=0.0):
+        links = LinkConstraints(problem, slack)
         links.look_at(spline, samples)
         return np.sort(links.at(spline).slack(1.0, 1.0))
 
-    with_room, less = slacks_of(problem, room), slacks_of(problem)
+    with_room, less = slacks_of(problem, slack), slacks_of(problem)
     np.testing.assert_array_equal(
-        with_room, slacks_of(replace(problem, clearance=clearance + room))
+        with_room, slacks_of(replace(problem, clearance=clearance + slack))
     )
     assert len(less) == 0 or less[0] > with_room[0]

@@ -175,8 +175,8 @@ def test_a_chains_plane_is_that_of_the_segment_a_step_would_be_in(regions, own):
     here, planes = corner([0.9, 0.0, 0], [1.3, 0.5, 0], 1, regions)
     np.testing.assert_allclose(planes.normal, [[1, 0, 0]])
     assert planes.segment.tolist() == [1]
-    room = 1 + 0.2 * (1 - MARGIN) - 0.9
-    assert here.slack(planes)[0] == pytest.approx(room / own)
+    slack = 1 + 0.2 * (1 - MARGIN) - 0.9
+    assert here.slack(planes)[0] == pytest.approx(slack / own)
 
 
 def test_a_chains_plane_never_cuts_the_samples_own_capsule():

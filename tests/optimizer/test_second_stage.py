@@ -174,9 +174,9 @@ def test_most_of_the_distance_from_obstacles_is_kept(clearance, kept, post, monk
     """A tenth of it may go, and of more than 2 cm all that is beyond."""
     clearances, links = [], second_stage.LinkConstraints
 
-    def spy(problem, room=0.0):
-        clearances.append(room)
-        return links(problem, room)
+    def spy(problem, slack=0.0):
+        clearances.append(slack)
+        return links(problem, slack)
 
     monkeypatch.setattr(second_stage, "LinkConstraints", spy)
     stage(post, 1.005, clearance)
@@ -186,10 +186,10 @@ def test_most_of_the_distance_from_obstacles_is_kept(clearance, kept, post, monk
 def test_room_is_what_the_worst_instant_leaves_by_segment(slider, sliding):
     """The slider goes along the middle of its tube, or beside it."""
     spline = sliding.motion.spline
-    for beside, room in ((0.0, 1.0), (0.04, 0.6)):
+    for beside, slack in ((0.0, 1.0), (0.04, 0.6)):
         problem = slider.with_tube(Tube([[0, beside, 0], [TRAVEL, beside, 0]], 0.1))
         dense = constraints_of(problem, spline.grid).between_samples(spline)
-        assert second_stage._room(problem, dense) == pytest.approx([room], abs=1e-9)
+        assert second_stage._slack(problem, dense) == pytest.approx([slack], abs=1e-9)
 
 
 def test_there_is_no_room_beside_a_compulsory_point():
@@ -200,4 +200,4 @@ def test_there_is_no_room_beside_a_compulsory_point():
     of_regions = SimpleNamespace(fraction=lambda vector, segment: fraction)
     regions = SimpleNamespace(regions=of_regions, vector=None, segment=segment)
     problem, dense = SimpleNamespace(tube=tube), SimpleNamespace(regions=(regions,))
-    np.testing.assert_allclose(second_stage._room(problem, dense), [0.0, 0.0, 0.7])
+    np.testing.assert_allclose(second_stage._slack(problem, dense), [0.0, 0.0, 0.7])

@@ -207,11 +207,11 @@ def test_a_tool_that_is_free_limits_nothing(case):
 
 def test_room_is_unused_by_segment(case):
     """A fraction of the region's size that counts as outside; least what is always left."""
-    (problem, spline, _), room = case, np.array([0.3, 0.0])
-    plain, kept = (constraints_of(problem, spline.grid, room=each) for each in (None, room))
+    (problem, spline, _), slack = case, np.array([0.3, 0.0])
+    plain, kept = (constraints_of(problem, spline.grid, slack=each) for each in (None, slack))
     before, after = (constraints.at(spline).regions[0] for constraints in (plain, kept))
     margin = before.margin
-    expected = before.excess + np.maximum(room[before.segment], margin) - margin
+    expected = before.excess + np.maximum(slack[before.segment], margin) - margin
     np.testing.assert_allclose(after.excess, expected, atol=1e-12)
     assert {0, 1} == set(before.segment.tolist())
     free, run = plain.at(spline), constraints_of(problem, spline.grid, run_in=9.0).at(spline)

@@ -162,9 +162,11 @@ def _of_explanations(problem, result):
     radii, wider, missed = [0.03] * 99, [0.06] * 99, [0.05] * 99
     values = ("m", 1.5, "all radii times 2", {"tube.radius": wider}, 1.0, missed, "50 mm", True)
     remedy = t.Remedy("tube.radius", radii, wider, *values)
-    room = t.Room("clearance", 0.01, 0.02, "m", 1.5, "clearance 10 -> 20 mm", 0.021, "21 mm", True)
+    slack = t.Headroom(
+        "clearance", 0.01, 0.02, "m", 1.5, "clearance 10 -> 20 mm", 0.021, "21 mm", True
+    )
     explanation = t.Explanation(problem.name, problem, result, None, (remedy,) * 99, ("a",) * 99)
-    return [remedy, room, replace(explanation, tried=99)]
+    return [remedy, slack, replace(explanation, tried=99)]
 
 
 def _filled(cls):

@@ -102,7 +102,7 @@ def test_the_problems_objective_holds_unless_options_say_another(quick):
     assert same.notes == smooth.notes
 
 
-def least_room(problem, trajectory):
+def least_slack(problem, trajectory):
     """Return the tool's least distance to the wall of one straight tube, in radii."""
     tool = problem.robot.tool_position(trajectory.per_piece(40).position)
     (begin, end), (radius,) = problem.tube.points, problem.tube.radius
@@ -117,13 +117,13 @@ def test_it_keeps_the_room_that_the_shortest_motion_left(two_link, monkeypatch):
     problem = PlanningProblem(two_link, tube, Seed(np.array([3.2, -1.0])))
     options = PlanOptions(slack=0.05)
     smooth = plan(problem, options)
-    before = least_room(problem, smooth.shortest)
+    before = least_slack(problem, smooth.shortest)
     assert before > 0.1
     assert smooth.duration > smooth.shortest_duration
-    assert least_room(problem, smooth.trajectory) > before - 0.1
+    assert least_slack(problem, smooth.trajectory) > before - 0.1
     none = "tubeplanner.optimizer.stages._slack"
     monkeypatch.setattr(none, lambda problem, dense: np.full(problem.tube.segment_count, 0.05))
-    assert least_room(problem, plan(problem, options).trajectory) < before - 0.1
+    assert least_slack(problem, plan(problem, options).trajectory) < before - 0.1
 
 
 def test_arms_without_effort_limits_and_sliding_joints_are_smoothed_too(slider):

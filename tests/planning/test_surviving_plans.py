@@ -148,13 +148,13 @@ def test_rotation_has_a_price_of_its_own(problem, seen):
 
 def test_what_there_is_no_room_for_is_lacking_in_shares_of_the_tolerance(problem, seen):
     """Of 20 mm at most 18 mm are kept back: of 21 mm 3 mm are lacking; of clearance all."""
-    room = problem.robot.limits.upper_position[0] - 0.9
+    slack = problem.robot.limits.upper_position[0] - 0.9
     for shown, lacking in (
         ({"radius": np.array([-1.0, 0.03, 0.021])}, 0.15),
         ({"self_collision": 0.004}, 0.004),
         ({"tool_tracking": 0.07}, 0.07),
         ({"velocity": np.array([-1.0, 4.99])}, 0.8),  # of a sixth, 0.3 is left at least
-        ({"position": np.array([[-1.0, -1.0], [5.75, -1.0]])}, 5.75 - room),
+        ({"position": np.array([[-1.0, -1.0], [5.75, -1.0]])}, 5.75 - slack),
     ):
         seen(**shown)
         assert tried_of(problem).lacking == pytest.approx(lacking, abs=1e-5)
@@ -299,7 +299,7 @@ class Formulas:
     enough_effort: float = 0.5  # e0
     gain: float = 1.0  # g
     seen: float = 0.0  # [m]
-    room: float = 0.9 * RADIUS  # [m]
+    slack: float = 0.9 * RADIUS  # [m]
     least_effort: float = 0.0  # below it there is no plan
     most_radius: float = 1.0  # [m]: with more kept back there is none either
     links_meet: float = 0.0
@@ -327,17 +327,17 @@ class Formulas:
         return kept
 
     def allowed(self, kept):
-        return replace(kept, radius=np.minimum(kept.radius, self.room))
+        return replace(kept, radius=np.minimum(kept.radius, self.slack))
 
     def planned(self, kept, motion):
-        if kept.effort < self.least_effort or kept.radius[0] > min(self.room, self.most_radius):
+        if kept.effort < self.least_effort or kept.radius[0] > min(self.slack, self.most_radius):
             return None
         return SimpleNamespace(duration=self.duration(kept), motion=None)
 
     def simulated(self, kept, result, draw):
         short = self.short(kept) + self.more.get(draw, 0.0)
         asked = max(float(kept.radius[0]) + short, 0.0)
-        wanted = min(asked, self.room)
+        wanted = min(asked, self.slack)
         seen = self.seen if draw.runs >= WORKING.runs else 2 * self.seen
         failed = int(np.ceil(np.clip((short - seen) / RADIUS, 0, 1) * draw.runs))
         price = self.price + 2 * self.curvature * float(kept.radius[0])
@@ -375,7 +375,7 @@ def test_the_share_of_effort_is_that_of_the_least_expected_duration(best):
     """That is least where a T0 = 2 p s (e - e0), and of its shares at the nearest to that."""
     price, slower, beyond = 0.4, 0.1, 0.2
     by_effort = slower / (2 * price * beyond)
-    plans = Formulas(slower, price=price, enough_effort=best - beyond, by_effort=by_effort, room=1)
+    plans = Formulas(slower, price=price, enough_effort=best - beyond, by_effort=by_effort, slack=1)
     found = plans.answer()
     assert found.survives
     assert found.kept_back.effort == FRACTIONS[abs(FRACTIONS - best).argmin()]
@@ -447,15 +447,15 @@ def test_where_nothing_survives_it_is_what_fails_least():
     fraction = [tried.verdict.failed / tried.verdict.runs for tried in plans.made]
     assert found.verdict.failed / found.verdict.runs == min(fraction)
     assert found.kept_back.effort < 1
-    assert found.kept_back.radius[0] == plans.room
+    assert found.kept_back.radius[0] == plans.slack
 
 
 def test_no_more_is_taken_than_there_is_room_for():
     """All that is short could be had, a tenth more could not."""
-    plans = Formulas(room=1.02e-3)
+    plans = Formulas(slack=1.02e-3)
     found = plans.answer()
     assert found.survives
-    assert found.kept_back.radius[0] == plans.room
+    assert found.kept_back.radius[0] == plans.slack
 
 
 def test_what_survives_with_few_arms_is_tried_with_all():
@@ -521,7 +521,7 @@ def test_arms_that_failed_afterwards_make_it_safer():
     assert found.kept_back.radius == pytest.approx([1.21e-3])
     assert found.survives and found.verdict.runs == MANY.runs
     assert safer_plan(Formulas(most_radius=1.15e-3, more={FRESH: 2e-4}), survivor, FRESH) is None
-    never = Formulas(room=1.15e-3, more={FRESH: 2e-4, MANY: 2e-3})
+    never = Formulas(slack=1.15e-3, more={FRESH: 2e-4, MANY: 2e-3})
     assert safer_plan(never, survivor, FRESH) is None
 
 

@@ -213,19 +213,19 @@ def test_a_problem_with_an_answer_has_its_room(tmp_path):
     path = gantry(tmp_path, [POST])
     found = explained(path, {"clearance": 0.05})
     assert (found.is_possible, found.remedies, found.in_vain) == (True, (), ())
-    rooms = {room.text: room for room in found.rooms}
-    (clearance,) = [room for room in found.rooms if room.field == "clearance"]
+    headrooms = {headroom.text: headroom for headroom in found.headrooms}
+    (clearance,) = [headroom for headroom in found.headrooms if headroom.field == "clearance"]
     assert clearance.after <= DISTANCE
     require_known(0.05, clearance.too_much, DISTANCE)
     assert clearance.too_much - 0.05 <= 1.05 * (clearance.after - 0.05)
     assert clearance.is_exact
-    away = rooms["move obstacle 'post' by 1 m in -x"]
+    away = headrooms["move obstacle 'post' by 1 m in -x"]
     assert (away.after, away.too_much) == ([-1.3, 0.3, -0.15], None)
-    assert {room.field for room in found.rooms} == {
+    assert {headroom.field for headroom in found.headrooms} == {
         *("clearance", "obstacles.post.position", "tube.radius")
     }
     fields = found.as_dict()
-    assert fields["room"] == [room.as_dict() for room in found.rooms]
+    assert fields["room"] == [headroom.as_dict() for headroom in found.headrooms]
     json.dumps(fields, allow_nan=False)
 
 
@@ -290,8 +290,12 @@ def test_ctrl_c_keeps_what_was_found(path):
     assert found.stopped_by == "interrupt"
     assert [remedy.field for remedy in found.remedies] == ["clearance"]
     assert (found.remedies[0].is_smallest, found.succeeded) == (False, True)
-    room = explained(path, progress=stopped_at(3, KeyboardInterrupt))
-    assert (room.stopped_by, room.is_possible, len(room.rooms)) == ("interrupt", True, 2)
+    headroom = explained(path, progress=stopped_at(3, KeyboardInterrupt))
+    assert (headroom.stopped_by, headroom.is_possible, len(headroom.headrooms)) == (
+        "interrupt",
+        True,
+        2,
+    )
 
 
 def test_the_time_limit_keeps_what_was_found(path, monkeypatch):

@@ -7,7 +7,7 @@ from asked_problems import REMEDY, ROOM, StubTrials, asked, simple_change
 
 from tubeplanner.outcome import TimeLimitReached
 from tubeplanner.studies.change_trials import CLOSE
-from tubeplanner.studies.remedies import RemedySearch, RoomSearch, worsening_changes
+from tubeplanner.studies.remedies import HeadroomSearch, RemedySearch, worsening_changes
 
 REMEDY_KEYS = (
     *("field", "from", "to", "unit", "certified", "duration", "text", "changes"),
@@ -21,13 +21,13 @@ EVERYWHERE = {"a": 0.4, "b": 0.03, "c": 30.0, "d": 5.0}
 
 
 def test_json_has_the_keys_that_are_read_and_infinity_is_a_word():
-    remedy, room = REMEDY.as_dict(), ROOM.as_dict()
-    for fields, keys in ((remedy, REMEDY_KEYS), (room, ROOM_KEYS)):
+    remedy, headroom = REMEDY.as_dict(), ROOM.as_dict()
+    for fields, keys in ((remedy, REMEDY_KEYS), (headroom, ROOM_KEYS)):
         assert tuple(fields) == keys
         assert json.loads(json.dumps(fields, allow_nan=False)) == fields
     assert remedy["changes"] == {"tube.rotation_tolerance": [[0.3, 0.3, ".inf"]]}
     assert (remedy["from"], remedy["to"], remedy["certified"]) == (0.1, 0.3, True)
-    assert (room["from"], room["to"]) == (["-.inf", 1.0], None)
+    assert (headroom["from"], headroom["to"]) == (["-.inf", 1.0], None)
 
 
 def search_of(thresholds, groups, **stub):
@@ -151,37 +151,39 @@ def test_what_was_found_is_kept_when_the_search_is_stopped():
     assert search.in_vain == ()
     changes = [simple_change(field) for field in "abc"]
     trials = StubTrials({"a": 0.4}, budget=2, helps=False, stop=KeyboardInterrupt)
-    search = RoomSearch(trials, changes)
+    search = HeadroomSearch(trials, changes)
     with pytest.raises(KeyboardInterrupt):
         search.run()
-    assert [room.field for room in search.rooms] == ["a", "b"]
-    assert not any(room.is_exact for room in search.rooms)
+    assert [headroom.field for headroom in search.headrooms] == ["a", "b"]
+    assert not any(headroom.is_exact for headroom in search.headrooms)
 
 
 def test_room_ends_where_nothing_is_found_any_more():
     ends = {"a": 0.4, "b": 0.02}
-    rooms = rooms_of(ends, "abc")
-    second, first, last = sorted(rooms, key=lambda room: room.field)
-    assert rooms == (first, second, last)  # the least room first
-    for room in (first, second):
-        assert room.after < ends[room.field] <= room.too_much <= CLOSE * room.after
-        assert room.is_exact
-        assert room.text == f"{room.field} to {room.after:g}"
+    headrooms = rooms_of(ends, "abc")
+    second, first, last = sorted(headrooms, key=lambda headroom: headroom.field)
+    assert headrooms == (first, second, last)  # the least room first
+    for headroom in (first, second):
+        assert headroom.after < ends[headroom.field] <= headroom.too_much <= CLOSE * headroom.after
+        assert headroom.is_exact
+        assert headroom.text == f"{headroom.field} to {headroom.after:g}"
     assert (last.after, last.too_much, last.duration) == (100.0, None, 1.5)
 
 
 def rooms_of(ends, fields):
     """Return the rooms that are found, by where they end."""
-    search = RoomSearch(StubTrials(ends, helps=False), [simple_change(field) for field in fields])
+    search = HeadroomSearch(
+        StubTrials(ends, helps=False), [simple_change(field) for field in fields]
+    )
     search.run()
-    return search.rooms
+    return search.headrooms
 
 
 def test_where_there_is_no_room_the_mildest_change_is_named():
-    (room,) = rooms_of({"a": 0.0}, "a")
-    assert (room.after, room.duration, room.is_exact) == (None, None, True)
-    assert room.too_much <= 1e-3
-    assert room.text == f"not even a to {room.too_much:g}"
+    (headroom,) = rooms_of({"a": 0.0}, "a")
+    assert (headroom.after, headroom.duration, headroom.is_exact) == (None, None, True)
+    assert headroom.too_much <= 1e-3
+    assert headroom.text == f"not even a to {headroom.too_much:g}"
 
 
 def test_quantities_that_bound_the_motion_are_made_worse():

@@ -15,7 +15,7 @@ from tubeplanner.output.page.explanation_page import view_explanation
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies.explanation import Explanation, in_vain_text, setting_text, tried_text
 from tubeplanner.studies.explanation import explain as search
-from tubeplanner.studies.remedies import Remedy, Room
+from tubeplanner.studies.remedies import Headroom, Remedy
 from tubeplanner.writing import require_writable
 
 _SENSITIVITIES_SHOWN = 10
@@ -103,7 +103,7 @@ def explanation_text(found: Explanation, search_time: float) -> str:
     lines = [
         f"{found.name}: {found.status}: {found.message}",
         *([f"where: {place}"] if place else []),
-        *(_room_lines(found) if found.is_possible else _remedy_lines(found)),
+        *(_headroom_lines(found) if found.is_possible else _remedy_lines(found)),
         f"{found.tried} plans with a change in {search_time:.1f} s; {end}",
     ]
     return "\n".join(lines)
@@ -141,7 +141,7 @@ def _remedy_table(remedies: tuple[Remedy, ...]) -> str:
     return f"{rendered(table)}\n{_SCALES}"
 
 
-def _room_lines(explanation: Explanation) -> list[str]:
+def _headroom_lines(explanation: Explanation) -> list[str]:
     """Return sensitivities, margins and headroom of a problem that was planned."""
     result = explanation.result
     assert result is not None
@@ -152,22 +152,22 @@ def _room_lines(explanation: Explanation) -> list[str]:
         lines += [f"  {each}" for each in largest]
     if result.certificate is not None:
         lines.append(certificate_text(result.certificate))
-    if explanation.rooms:
-        lines.append(_room_table(explanation.rooms))
+    if explanation.headrooms:
+        lines.append(_headroom_table(explanation.headrooms))
     return lines
 
 
-def _room_table(rooms: tuple[Room, ...]) -> str:
+def _headroom_table(headrooms: tuple[Headroom, ...]) -> str:
     table = Table(title="how much worse one of these may become", title_justify="left")
     table.add_column("still possible")
     table.add_column("duration", justify="right")
     table.add_column("nothing found with")
     table.add_column("field")
-    for room in rooms:
+    for headroom in headrooms:
         table.add_row(
-            escape(room.text),
-            "" if room.duration is None else f"{room.duration:.3f} s",
-            escape(tried_text(room.too_much_text, room.is_exact)),
-            escape(room.field),
+            escape(headroom.text),
+            "" if headroom.duration is None else f"{headroom.duration:.3f} s",
+            escape(tried_text(headroom.too_much_text, headroom.is_exact)),
+            escape(headroom.field),
         )
     return rendered(table)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.geometry.convex_pairs import IS_NATIVE, LeastRoom, NativeShapes, ShapeArrays
+from tubeplanner.geometry.convex_pairs import IS_NATIVE, LeastSlack, NativeShapes, ShapeArrays
 from tubeplanner.geometry.convex_shapes import BoundingBoxes, ConvexShape, bounding_boxes
 from tubeplanner.geometry.distances import ClosestPoints, PlacedShapes
 from tubeplanner.robot.model import RobotModel
@@ -181,14 +181,14 @@ class BodyShapes:
             distance[row, pair] = self._by_fcl(rotation, position, pairs[pair], row).distance
         return distance
 
-    def least_room(
+    def least_slack(
         self,
         rotation: FloatArray,
         position: FloatArray,
         pairs: IntArray,
         required: FloatArray,
         near: float,
-    ) -> LeastRoom | None:
+    ) -> LeastSlack | None:
         """Return the pair with the least slack beyond its required distance in each configuration.
 
         Neighbouring configurations best follow each other. A pair with `required` (P,) [m] of -inf
@@ -198,7 +198,7 @@ class BodyShapes:
         """
         if self._native is None:
             return None
-        return self._native.least_room(rotation, position, pairs, required, near)
+        return self._native.least_slack(rotation, position, pairs, required, near)
 
     def distance_gradient(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray, closest: ClosestPoints

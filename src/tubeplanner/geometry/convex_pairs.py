@@ -29,7 +29,7 @@ _closest_points = native_function(
 _near_distances = native_function(
     "tubeplanner_near_distances", *_POSES, _SIZE, _SIZE, Integers, *(Doubles,) * 4, Bytes
 )
-_least_room = native_function(
+_least_slack = native_function(
     "tubeplanner_least_room",
     *(*_POSES, _SIZE, _SIZE, Integers, Doubles, ctypes.c_double),
     *(Doubles, Doubles, Doubles, Integers, Bytes),
@@ -82,16 +82,16 @@ class FoundPoints(NamedTuple):
     proven: BoolArray
 
 
-class LeastRoom(NamedTuple):
+class LeastSlack(NamedTuple):
     """The pair with the least slack beyond its required distance, in N configurations.
 
     Attributes:
-        room: The slack, (N,) [m]: exact if proven, `near` where no pair has less.
+        slack: The slack, (N,) [m]: exact if proven, `near` where no pair has less.
         pair: Index of the pair, (N,); -1: none has less than `near`.
         proven: True where the slack is proven, (N,); else the pair overlaps or all but touches.
     """
 
-    room: FloatArray
+    slack: FloatArray
     pair: IntArray
     proven: BoolArray
 
@@ -215,24 +215,24 @@ class NativeShapes:
         )  # fmt: skip
         return bound, unproven
 
-    def least_room(
+    def least_slack(
         self,
         rotation: FloatArray,
         position: FloatArray,
         pairs: IntArray,
         required: FloatArray,
         near: float,
-    ) -> LeastRoom:
-        """Return `BodyShapes.least_room`; a pair that is not proven ends the search."""
+    ) -> LeastSlack:
+        """Return `BodyShapes.least_slack`; a pair that is not proven ends the search."""
         count = len(rotation)
-        room, pair, unproven = np.empty(count), np.empty(count, np.int64), np.empty(count, bool)
-        assert _least_room is not None
-        _least_room(
+        slack, pair, unproven = np.empty(count), np.empty(count, np.int64), np.empty(count, bool)
+        assert _least_slack is not None
+        _least_slack(
             *self._poses(rotation, position), count, len(pairs), _integers(pairs),
             np.ascontiguousarray(required, dtype=np.float64), near, self._centers(),
-            np.zeros((len(pairs), 3)), room, pair, unproven,
+            np.zeros((len(pairs), 3)), slack, pair, unproven,
         )  # fmt: skip
-        return LeastRoom(room, pair, ~unproven)
+        return LeastSlack(slack, pair, ~unproven)
 
     def _poses(
         self, rotation: FloatArray, position: FloatArray

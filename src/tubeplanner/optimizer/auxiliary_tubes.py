@@ -22,7 +22,7 @@ from tubeplanner.task.problem import PlanningProblem
 
 # Shares of the radius by which points may move; the first that leaves no bends sharper than this
 # [rad over the length of a radius], or the last that reduces the sharpest by a tenth at least.
-_ROOMS, _GENTLE, _SMOOTHER = (0.5, 0.8), 1.0, 0.9
+_SLACKS, _GENTLE, _SMOOTHER = (0.5, 0.8), 1.0, 0.9
 # Largest distance of a given start or goal from its reference point, in radii.
 _MAX_AT_ENDS = 0.9
 # A larger turn of a path over some radii is no noise, and the tool must go there [rad].
@@ -43,8 +43,8 @@ def smoother_problem(problem: PlanningProblem) -> PlanningProblem | None:
     if problem.tube.is_box.any():
         return None
     best, least = None, _SMOOTHER * sharpest_bend(problem.tube)
-    for room in _ROOMS:
-        candidate = _with_room(problem, room)
+    for slack in _SLACKS:
+        candidate = _with_slack(problem, slack)
         bend = np.inf if candidate is None else sharpest_bend(candidate.tube)
         if bend < least:
             best, least = candidate, _SMOOTHER * bend
@@ -53,7 +53,7 @@ def smoother_problem(problem: PlanningProblem) -> PlanningProblem | None:
     return best
 
 
-def _with_room(problem: PlanningProblem, fraction: float) -> PlanningProblem | None:
+def _with_slack(problem: PlanningProblem, fraction: float) -> PlanningProblem | None:
     """Return a problem about a path whose points may move by a fraction of the radius, if any."""
     tube, radius = problem.tube, problem.tube.effective_radius
     ends = tube.points[[0, -1]].copy()
@@ -65,16 +65,16 @@ def _with_room(problem: PlanningProblem, fraction: float) -> PlanningProblem | N
     at_ends = np.linalg.norm(ends - tube.points[[0, -1]], axis=1)
     if (at_ends > _MAX_AT_ENDS * radius[[0, -1]]).any():
         return None
-    room = fraction * np.minimum(np.append(radius, np.inf), np.append(np.inf, radius))
+    slack = fraction * np.minimum(np.append(radius, np.inf), np.append(np.inf, radius))
     # Compulsory points where the path turns back over some radii.
     is_fixed = np.zeros(tube.segment_count + 1, dtype=bool)
     compulsory = tube.compulsory_points
     is_fixed[compulsory] = smoothed_turns(tube)[compulsory - 1] > _BACKWARDS
-    room[is_fixed] = 0.0
-    room[[0, -1]] = 0.0
+    slack[is_fixed] = 0.0
+    slack[[0, -1]] = 0.0
     old = tube.points.copy()
     old[[0, -1]] = ends
-    points = smoothed(old, room, is_fixed)
+    points = smoothed(old, slack, is_fixed)
     shift = np.linalg.norm(points - tube.points, axis=1)
     narrower = tube.radius - np.maximum(shift[:-1], shift[1:])
     try:
@@ -87,7 +87,7 @@ def _with_room(problem: PlanningProblem, fraction: float) -> PlanningProblem | N
         return None
 
 
-def smoothed(points: FloatArray, room: FloatArray, is_free: BoolArray) -> FloatArray:
+def smoothed(points: FloatArray, slack: FloatArray, is_free: BoolArray) -> FloatArray:
     """Return points near others with about the least sum of squared curvatures.
 
     By the alternating direction method of multipliers (Boyd et al., "Distributed optimization and
@@ -95,7 +95,7 @@ def smoothed(points: FloatArray, room: FloatArray, is_free: BoolArray) -> FloatA
 
     Args:
         points: Shape (N, 3) [m].
-        room: Largest shift of each point, shape (N,) [m].
+        slack: Largest shift of each point, shape (N,) [m].
         is_free: Whether the path may bend at each point at no cost, shape (N,).
     """
     from scipy.sparse.linalg import splu
@@ -107,7 +107,7 @@ def smoothed(points: FloatArray, room: FloatArray, is_free: BoolArray) -> FloatA
         target = _OVERSHOOT * solve(_COUPLING * (near - dual)) + (1 - _OVERSHOOT) * near + dual
         away = target - points
         distance = np.linalg.norm(away, axis=1)
-        near = points + away * np.minimum(1.0, room / np.maximum(distance, 1e-15))[:, None]
+        near = points + away * np.minimum(1.0, slack / np.maximum(distance, 1e-15))[:, None]
         dual = target - near
     return near
 

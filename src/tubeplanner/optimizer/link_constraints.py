@@ -107,16 +107,16 @@ class AimedDistances:
 class DistancesAlong:
     """Required distances of P pairs at samples of a spline."""
 
-    def __init__(self, problem: PlanningProblem, ends: FloatArray, room: float) -> None:
+    def __init__(self, problem: PlanningProblem, ends: FloatArray, slack: float) -> None:
         """Take a problem and the ends of its motions.
 
         Args:
             problem: The planning problem.
             ends: Start and goal configuration, shape (2, n).
-            room: Additional distance from obstacles [m].
+            slack: Additional distance from obstacles [m].
         """
         self._problem = problem
-        self._required = RequiredDistances(problem, ends[0], ends[1], room)
+        self._required = RequiredDistances(problem, ends[0], ends[1], slack)
 
     def at(self, grid: KnotGrid, samples: Samples, q: FloatArray) -> FloatArray:
         """Return required distances at samples in configurations (N, n), shape (N, P) [m]."""
@@ -224,15 +224,15 @@ _SAME_FRACTION, _SAME_FRACTION_ASKED = 0.3, 1e-3
 class LinkConstraints:
     """The pairs of shapes that must stay apart, and the samples at which they are watched."""
 
-    def __init__(self, problem: PlanningProblem, room: float = 0.0) -> None:
+    def __init__(self, problem: PlanningProblem, slack: float = 0.0) -> None:
         """Watch no pairs yet.
 
         Args:
             problem: The planning problem.
-            room: Clearance from obstacles, beyond the required distance [m].
+            slack: Clearance from obstacles, beyond the required distance [m].
         """
         checker = problem.collision
-        self._problem, self._checker, self._room = problem, checker, room
+        self._problem, self._checker, self._slack = problem, checker, slack
         self._pairs = checker.pairs
         self._samples = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
         self._pair = np.zeros(0, dtype=np.int64)
@@ -327,7 +327,7 @@ class LinkConstraints:
         """Return the required distances along splines with the ends of a spline; cached."""
         ends = spline.control_points[[0, -1]]
         if self._along is None or not np.array_equal(self._along[0], ends):
-            self._along = ends.copy(), DistancesAlong(self._problem, ends, self._room)
+            self._along = ends.copy(), DistancesAlong(self._problem, ends, self._slack)
         return self._along[1]
 
     def _set_spare(self, spline: PhasedSpline, pairs: IntArray) -> None:

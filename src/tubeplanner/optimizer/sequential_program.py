@@ -63,7 +63,7 @@ class SequentialProgram:
         links: LinkConstraints | None = None,
         radius: FloatArray | None = None,
         objective: StepObjective | None = None,
-        room: FloatArray | None = None,
+        slack: FloatArray | None = None,
         *,
         start_moves: bool = False,
     ) -> None:
@@ -75,14 +75,14 @@ class SequentialProgram:
             links: The constraints on links, with the pairs that are watched already.
             radius: Of the tube's segments, if not their own, shape (m,) [m].
             objective: Gain that steps aim at; None: a shorter duration.
-            room: The fraction of the tube's regions that stays unused, shape (m,); None: none.
+            slack: The fraction of the tube's regions that stays unused, shape (m,); None: none.
             start_moves: Whether the start is tied to the end of another leg.
         """
         self._objective: StepObjective = objective or ShortestDuration()
         radius = problem.tube.effective_radius if radius is None else radius
         links = links or LinkConstraints(problem)
         self.constraints = SplineConstraints(
-            problem, grid, links, radius, self._objective.run_in, room
+            problem, grid, links, radius, self._objective.run_in, slack
         )
         self._problem, self.grid = problem, grid
         self.variables = ControlVariables(problem, grid, start_moves=start_moves)

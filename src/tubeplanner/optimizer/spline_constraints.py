@@ -144,7 +144,7 @@ class SplineConstraints:
         links: LinkConstraints,
         radius: FloatArray,
         run_in: float | None = None,
-        room: FloatArray | None = None,
+        slack: FloatArray | None = None,
     ) -> None:
         """Set up the usual samples.
 
@@ -154,7 +154,7 @@ class SplineConstraints:
             links: The constraints on links, with the pairs that are watched already.
             radius: Of the tube's segments, shape (m,) [m].
             run_in: The duration in which splines are run [s]; None: the least that limits allow.
-            room: The fraction of the tube's regions that stays unused, shape (m,); None: none.
+            slack: The fraction of the tube's regions that stays unused, shape (m,); None: none.
         """
         self._run_in, self._blended = run_in, BLENDED
         self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
@@ -166,8 +166,8 @@ class SplineConstraints:
         self._limits = [(limit, self._numbers_of(limit.keys)) for limit in limits]
         self._regions = problem.tube.regions_of(radius)
         least = INNER_MARGIN + _margin_for_kinks(problem.tube, grid)
-        room = np.zeros(problem.tube.segment_count) if room is None else room
-        self._margin = np.maximum(least, room)
+        slack = np.zeros(problem.tube.segment_count) if slack is None else slack
+        self._margin = np.maximum(least, slack)
         self._higher = _HIGHER if run_in is None else _HIGHER_IN_A_GIVEN_DURATION
         # A switching time has a sample on either side, so that the tool is in both regions there.
         ends = grid.phase_ends()

@@ -384,7 +384,7 @@ _BETWEEN_LOOKS = 5e-5
 _BLENDED, _MAX_AT_REVERSALS = 8.0, 7e-4
 # The shortest motion's slack in the tube may shrink by this fraction of the radius; its clearance
 # by this fraction, of which no more than so much counts [m].
-_LESS_ROOM, _LESS_CLEARANCE, _MAX_CLEARANCE = 0.05, 0.1, 0.02
+_LESS_SLACK, _LESS_CLEARANCE, _MAX_CLEARANCE = 0.05, 0.1, 0.02
 
 
 class SecondStage:
@@ -425,7 +425,7 @@ class SecondStage:
             spline.grid,
             LinkConstraints(problem, min_clearance),
             objective=self._objective,
-            room=_room(problem, dense) - _LESS_ROOM,
+            slack=_slack(problem, dense) - _LESS_SLACK,
         )
         self._program.constraints.blend(_BLENDED)
         self._checkpoint = checkpoint
@@ -540,15 +540,15 @@ class SecondStage:
         return False
 
 
-def _room(problem: PlanningProblem, dense: Iterate) -> FloatArray:
+def _slack(problem: PlanningProblem, dense: Iterate) -> FloatArray:
     """Return the fraction of the tube's regions that a motion leaves unused, by segment, (m,).
 
     0 beside compulsory points, about which there is a region of another kind.
     """
     tube, regions = problem.tube, dense.regions[0]
-    room = np.ones(tube.segment_count)
+    slack = np.ones(tube.segment_count)
     fraction = regions.regions.fraction(regions.vector, regions.segment)
-    np.minimum.at(room, regions.segment, 1 - fraction)
+    np.minimum.at(slack, regions.segment, 1 - fraction)
     beside = np.concatenate([tube.compulsory_points - 1, tube.compulsory_points])
-    room[beside] = 0.0
-    return room
+    slack[beside] = 0.0
+    return slack

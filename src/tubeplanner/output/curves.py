@@ -419,12 +419,12 @@ class Timeline:
         Args:
             duration: Of the whole line [s].
         """
-        rooms = _text_spaces([(stop.begin + stop.end) / 2 for stop in self.stops], duration)
+        spaces = _text_spaces([(stop.begin + stop.end) / 2 for stop in self.stops], duration)
         return {
             "bands": [vars(band) for band in self.bands],
             "rests": [
-                {**vars(stop), "text": stop.text, "room": room}
-                for stop, room in zip(self.stops, rooms, strict=True)
+                {**vars(stop), "text": stop.text, "room": space}
+                for stop, space in zip(self.stops, spaces, strict=True)
             ],
         }
 
@@ -465,14 +465,14 @@ def _text_spaces(middles: Sequence[float], duration: float) -> list[dict[str, An
     last text, if at an end of the line, have the whole space to that end.
     """
     borders = [0.0, *(sum(pair) / 2 for pair in pairwise(middles)), duration]
-    rooms = []
+    spaces = []
     # Without a text there is one pair of borders, and no space.
     for k, (middle, (low, high)) in enumerate(zip(middles, pairwise(borders), strict=False)):
         even = min(middle - low, high - middle)
-        room = {"begin": middle - even, "end": middle + even, "align": "center"}
+        space = {"begin": middle - even, "end": middle + even, "align": "center"}
         if k == 0 and middle < _EDGE * duration:
-            room = {"begin": low, "end": high, "align": "left"}
+            space = {"begin": low, "end": high, "align": "left"}
         elif k == len(middles) - 1 and middle > (1 - _EDGE) * duration:
-            room = {"begin": low, "end": high, "align": "right"}
-        rooms.append(room)
-    return rooms
+            space = {"begin": low, "end": high, "align": "right"}
+        spaces.append(space)
+    return spaces

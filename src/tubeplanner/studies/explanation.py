@@ -35,7 +35,13 @@ from tubeplanner.studies.changes import Change, Question, in_order, rounded
 from tubeplanner.studies.geometry_changes import cell_changes, tube_changes
 from tubeplanner.studies.joint_changes import end_changes, limit_changes
 from tubeplanner.studies.problem_spec import ProblemSpec
-from tubeplanner.studies.remedies import Remedy, RemedySearch, Room, RoomSearch, worsening_changes
+from tubeplanner.studies.remedies import (
+    Headroom,
+    HeadroomSearch,
+    Remedy,
+    RemedySearch,
+    worsening_changes,
+)
 from tubeplanner.task.endpoints import Seed, configuration_of
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_reader import solids_of
@@ -126,7 +132,7 @@ class Explanation:
         remedies: Single changes with which it was planned, the smallest for its scale first; empty
             if the problem itself was planned.
         in_vain: Paths of changes that do not help up to their largest sensible size.
-        rooms: Headroom of single quantities; empty unless the problem was planned.
+        headrooms: Headroom of single quantities; empty unless the problem was planned.
         tried: Number of plans with changes.
         stopped_by: "time_limit" or "interrupt" if that ended the search early; None: it is
             complete.
@@ -138,7 +144,7 @@ class Explanation:
     invalid: InvalidProblem | None
     remedies: tuple[Remedy, ...] = ()
     in_vain: tuple[str, ...] = ()
-    rooms: tuple[Room, ...] = ()
+    headrooms: tuple[Headroom, ...] = ()
     tried: int = 0
     stopped_by: StoppedBy | None = None
 
@@ -195,7 +201,7 @@ class Explanation:
             "stopped_by": self.stopped_by,
             "remedies": [remedy.as_dict() for remedy in self.remedies],
             "in_vain": list(self.in_vain),
-            "room": [room.as_dict() for room in self.rooms],
+            "room": [headroom.as_dict() for headroom in self.headrooms],
             "tried": self.tried,
         }
 
@@ -257,9 +263,11 @@ def explain(
         return replace(outcome, stopped_by="interrupt")
     trials = Trials(question, options, clock, executor)
     if outcome.is_possible:
-        rooms = RoomSearch(trials, worsening_changes(question))
-        _, stopped_by = until_stopped(rooms.run)
-        return replace(outcome, rooms=rooms.rooms, tried=trials.count, stopped_by=stopped_by)
+        headrooms = HeadroomSearch(trials, worsening_changes(question))
+        _, stopped_by = until_stopped(headrooms.run)
+        return replace(
+            outcome, headrooms=headrooms.headrooms, tried=trials.count, stopped_by=stopped_by
+        )
     return _with_remedies(outcome, question, trials)
 
 

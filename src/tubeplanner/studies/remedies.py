@@ -55,7 +55,7 @@ class Remedy:
 
 
 @dataclass(frozen=True)
-class Room:
+class Headroom:
     """The headroom of one quantity: its largest change for the worse that leaves a motion.
 
     Attributes:
@@ -213,7 +213,7 @@ def worsening_changes(question: Question) -> Iterator[Change]:
     yield from obstacle_changes(question)
 
 
-class RoomSearch:
+class HeadroomSearch:
     """A search for headrooms; it may be stopped at any time and keeps its results so far."""
 
     def __init__(self, trials: Trials, changes: Iterable[Change]) -> None:
@@ -233,20 +233,20 @@ class RoomSearch:
                 try_sizes(self._trials, sizes, is_thorough)
 
     @property
-    def rooms(self) -> tuple[Room, ...]:
+    def headrooms(self) -> tuple[Headroom, ...]:
         """The headrooms so far, the least for its scale first."""
         brackets = [bracket for bracket in self._brackets if bracket.smaller or bracket.larger]
-        return tuple(map(_room, sorted(brackets, key=lambda bracket: bracket.cost)))
+        return tuple(map(_headroom, sorted(brackets, key=lambda bracket: bracket.cost)))
 
 
-def _room(bracket: SizeBracket) -> Room:
+def _headroom(bracket: SizeBracket) -> Headroom:
     good, bad, change = bracket.smaller, bracket.larger, bracket.change
     if good is not None:
         text = good.proposal.text
     else:
         assert bad is not None
         text = f"not even {bad.proposal.text}"
-    return Room(
+    return Headroom(
         field=change.field,
         before=change.before,
         after=None if good is None else good.proposal.after,

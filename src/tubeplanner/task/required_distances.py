@@ -51,7 +51,7 @@ class RequiredDistances:
         problem: PlanningProblem,
         start: FloatArray,
         goal: FloatArray | None,
-        room: float = 0.0,
+        slack: float = 0.0,
     ) -> None:
         """Collect the required distances of a problem.
 
@@ -59,9 +59,9 @@ class RequiredDistances:
             problem: The planning problem.
             start: Configuration at the start of the motion, shape (n,).
             goal: Configuration at its end; None: not known, the tool at the tube's last point.
-            room: Distance to obstacles required in addition [m].
+            slack: Distance to obstacles required in addition [m].
         """
-        self.by_segment, self.row_of = _rows(problem, room)
+        self.by_segment, self.row_of = _rows(problem, slack)
         self.near_ends = tuple(_near_ends(problem, start, goal))
 
     @property
@@ -109,7 +109,7 @@ def in_contact(problem: PlanningProblem) -> BoolArray:
     return result
 
 
-def _rows(problem: PlanningProblem, room: float) -> tuple[FloatArray, IntArray]:
+def _rows(problem: PlanningProblem, slack: float) -> tuple[FloatArray, IntArray]:
     """Return the different rows of distances (u, P) [m], and the index of each segment's, (m,)."""
     checker, own = problem.collision, problem.tube.clearance
     clearances = np.full(problem.tube.segment_count, float(problem.clearance))
@@ -121,7 +121,7 @@ def _rows(problem: PlanningProblem, room: float) -> tuple[FloatArray, IntArray]:
     rows[:, is_obstacle] = different[:, None]
     for names, clearance in problem.pair_clearances.items():
         rows[:, checker.between(*names)] = clearance
-    rows[:, is_obstacle] += room
+    rows[:, is_obstacle] += slack
     return rows, row_of.ravel()
 
 

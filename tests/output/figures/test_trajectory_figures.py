@@ -292,5 +292,5 @@ def test_moves_and_what_happens_at_rest_are_named(axes):
 
 
 def test_a_name_is_cut_where_a_move_is_short():
-    shown = [shown_name("into_the_chuck", room) for room in (14, 8, 4)]
+    shown = [shown_name("into_the_chuck", slack) for slack in (14, 8, 4)]
     assert [*shown, shown_name("back", 4)] == ["into_the_chuck", "into_t...", "", "back"]

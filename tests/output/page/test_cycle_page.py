@@ -156,8 +156,8 @@ def test_the_time_line_has_moves_and_what_happens_at_rest(motion):
 def test_texts_of_rests_stand_beside_each_other_with_what_is_left_to_them():
     times = (0.5, 0.75, 5.0, 9.5)
     stops = tuple(Stop(time - 0.1, time + 0.1, ((time - 0.1, "dwell"),)) for time in times)
-    rooms = [rest["room"] for rest in Timeline((), stops).as_dict(10.0)["rests"]]
-    assert [(room["begin"], room["end"], room["align"]) for room in rooms] == [
+    slacks = [rest["room"] for rest in Timeline((), stops).as_dict(10.0)["rests"]]
+    assert [(slack["begin"], slack["end"], slack["align"]) for slack in slacks] == [
         (0, 0.625, "left"),
         (0.625, 0.875, "center"),
         (2.875, 7.125, "center"),

@@ -111,7 +111,7 @@ def test_what_is_in_the_way_has_a_colour_of_its_own_and_names_are_no_markup(tmp_
 
 
 def test_an_answer_is_shown_with_its_room_and_nothing_marked(tmp_path):
-    shown = view_explanation(known(gantry(tmp_path), rooms=(ROOM,)))
+    shown = view_explanation(known(gantry(tmp_path), headrooms=(ROOM,)))
     assert red(shown.scene) == set()
     assert shown.scene.duration > 0
     findings = shown.panel["findings"]

@@ -57,9 +57,9 @@ def page(browser_page, file):
 
 def scene_of(page):
     """Return the part of the picture that panel, tools and controls leave free."""
-    room = page.run("covered()")
+    slack = page.run("covered()")
     height = page.run("window.innerHeight")
-    return page.picture()[round(room["above"]) : height - round(room["below"]), room["left"] :]
+    return page.picture()[round(slack["above"]) : height - round(slack["below"]), slack["left"] :]
 
 
 def at(page, time):

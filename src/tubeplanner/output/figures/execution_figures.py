@@ -201,7 +201,7 @@ def _joined(legs: Sequence[ExecutedLeg], bands: Sequence[Band | None]) -> Band:
 _STEPS = 300  # lines of a path
 _FLAT = 1e-6  # [m]: a tool that moves less is not shown in that direction
 _TINT = 0.3  # of a segment's colour; the rest is white
-_ROOM = 0.04  # around the drawing, of its largest extent
+_MARGIN = 0.04  # around the drawing, of its largest extent
 _ASTRAY = 0.3  # beyond the tube, of its extent: runs that go farther are cut off
 # Half the height of the close-up, in excursions; at least, in radii; at most, of the whole panel.
 _CLOSE, _MIN_CLOSE, _MAX_CLOSE = 2.0, 0.4, 0.25
@@ -263,8 +263,8 @@ def _frame(tube: Tube, tools: ToolRuns) -> tuple[FloatArray, FloatArray]:
     runs = tools.runs.reshape(-1, 3)
     low = np.minimum(low, np.maximum(runs.min(axis=0), low - far))
     high = np.maximum(high, np.minimum(runs.max(axis=0), high + far))
-    room = _ROOM * (high - low).max()
-    return low - room, high + room
+    space = _MARGIN * (high - low).max()
+    return low - space, high + space
 
 
 def _nearest_planned(tools: ToolRuns) -> FloatArray:
@@ -351,7 +351,7 @@ def _outline(points: FloatArray) -> FloatArray:
 _PLAN: dict[str, Any] = {"color": "#000000", "linewidth": 1.3}
 _BANDS = (((0.0, 1.0), 0.28, "all runs"), ((0.25, 0.75), 0.5, "half of the runs"))
 _MILLI = 1e3
-_MIN_ROOM = 0.1  # [mm or mrad]
+_MIN_SPACE = 0.1  # [mm or mrad]
 _COLUMNS = 250  # of the saturation panel
 
 
@@ -372,9 +372,9 @@ def draw_margin(axis: "Axes", band: Band, label: str, least: float = 0.0) -> Non
     values = _MILLI * np.vstack([band.runs, band.plan]) - bound
     low, top = float(np.nanmin(values)), float(np.nanmax(values))
     nearest = float(np.nanmin(values[-1]))  # of the plan: its nearest point is always in sight
-    room = min(top, max(-3 * low, 2 * nearest, 0.25 * top))
-    room = max(room, 0.1 * abs(low), _MIN_ROOM)
-    axis.set_ylim(bound + min(1.25 * low, -0.12 * room), bound + 1.1 * room)
+    space = min(top, max(-3 * low, 2 * nearest, 0.25 * top))
+    space = max(space, 0.1 * abs(low), _MIN_SPACE)
+    axis.set_ylim(bound + min(1.25 * low, -0.12 * space), bound + 1.1 * space)
 
 
 def draw_band(axis: "Axes", band: Band, label: str, least: float = -np.inf) -> None:

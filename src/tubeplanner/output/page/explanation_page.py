@@ -18,7 +18,7 @@ from tubeplanner.output.page.problem_scene import build_scene
 from tubeplanner.output.page.scene import Item, Layer, ShownTrajectory, poses_standing
 from tubeplanner.output.page.viewer import View
 from tubeplanner.studies.explanation import Explanation, in_vain_text, setting_text, tried_text
-from tubeplanner.studies.remedies import Remedy, Room
+from tubeplanner.studies.remedies import Headroom, Remedy
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- The page: blockage and remedies, or slack.
@@ -55,7 +55,10 @@ def view_explanation(found: Explanation) -> View:
 def _findings(found: Explanation) -> dict[str, Any]:
     """Return the findings of the panel, as JSON values."""
     if found.is_possible:
-        title, lines = "How much worse one of these may become", list(map(_room, found.rooms))
+        title, lines = (
+            "How much worse one of these may become",
+            list(map(_headroom, found.headrooms)),
+        )
     elif found.remedies:
         title, lines = "Any one of these makes it possible", list(map(_remedy, found.remedies))
     else:
@@ -91,11 +94,13 @@ def _remedy(remedy: Remedy) -> dict[str, Any]:
     return {"text": remedy.text, "details": details, "setting": setting_text(remedy.changes)}
 
 
-def _room(room: Room) -> dict[str, Any]:
-    duration = [] if room.duration is None else [f"certified motion of {room.duration:.3f} s"]
-    beyond = tried_text(room.too_much_text, room.is_exact)
-    details = [*duration, room.field, *_not_enough("nothing found with", beyond)]
-    return {"text": room.text, "details": details, "setting": ""}
+def _headroom(headroom: Headroom) -> dict[str, Any]:
+    duration = (
+        [] if headroom.duration is None else [f"certified motion of {headroom.duration:.3f} s"]
+    )
+    beyond = tried_text(headroom.too_much_text, headroom.is_exact)
+    details = [*duration, headroom.field, *_not_enough("nothing found with", beyond)]
+    return {"text": headroom.text, "details": details, "setting": ""}
 
 
 def _not_enough(word: str, value: str) -> list[str]:
