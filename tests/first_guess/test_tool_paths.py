@@ -35,8 +35,8 @@ def test_arcs_join_their_lines_and_touch_the_wall():
     points = curve.point(arc_lengths)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     np.testing.assert_allclose(steps, arc_lengths[1], rtol=1e-6)  # the way is the length
-    turn = np.diff(points, n=2, axis=0) / arc_lengths[1] ** 2
-    assert np.linalg.norm(turn, axis=1).max() == pytest.approx(curve.curvature.max(), rel=1e-4)
+    bend = np.diff(points, n=2, axis=0) / arc_lengths[1] ** 2
+    assert np.linalg.norm(bend, axis=1).max() == pytest.approx(curve.curvature.max(), rel=1e-4)
     tube = Tube(BENT, radius)
     use = (tube.distance(points) / radius).min(axis=1)
     assert 0.99 < use.max() <= 1.0

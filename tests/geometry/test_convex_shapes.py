@@ -122,8 +122,8 @@ def test_vertices_cannot_be_written_to_and_shapes_are_compared_by_identity():
     assert shapes[0] != ConvexShape(shapes[0].vertices, shapes[0].radius)
 
 
-def plate(turn):
-    placement = placement_of([0.2, 0, 0], rpy=(0, 0, turn))
+def plate(azimuth):
+    placement = placement_of([0.2, 0, 0], rpy=(0, 0, azimuth))
     return Obstacle.box("plate", [1.0, 0.5, 0.02], placement).shapes[0]
 
 

@@ -21,7 +21,7 @@ from tubeplanner.optimizer.region_constraints import (
     goal_keys,
 )
 from tubeplanner.optimizer.sampled_spline import sampled
-from tubeplanner.optimizer.segment_chains import OrderedSegments
+from tubeplanner.optimizer.segment_runs import OrderedSegments
 from tubeplanner.optimizer.sequential_program import SequentialProgram
 
 STEP = 1e-6
@@ -53,8 +53,8 @@ def evaluated(kind, case, spline=None):
         turns = (tube.rotation, at, path, MARGIN, np.array([9, 10]), path.segment)
         return EvaluatedRotation(*turns).angle()
     numbers = SIDE_NUMBERS if kind == "box" else NUMBERS
-    chains = (range(1), range(1, 2))
-    segments = OrderedSegments(tube.points, tube.effective_radius, chains, samples)
+    runs = (range(1), range(1, 2))
+    segments = OrderedSegments(tube.points, tube.effective_radius, runs, samples)
     margin = np.full(tube.segment_count, MARGIN)
     return evaluated_tube(at, path, segments, tube.regions, margin, numbers)
 
@@ -159,7 +159,7 @@ def corner(place, later, predicted, regions=CAPSULES):
         regions=regions,
         segment=np.zeros(1, dtype=np.int64),
         segments_of=lambda _: np.array([predicted]),
-        in_chain=np.ones(1, dtype=bool),
+        in_run=np.ones(1, dtype=bool),
         margin=np.full(1, MARGIN),
         numbers=np.zeros((2, 1 if regions is CAPSULES else 2), dtype=np.int64),
     )

@@ -13,10 +13,14 @@ from tubeplanner.limits.speed_limits import speed_limits
 from tubeplanner.limits.time_scaling import minimum_duration, scaling_factor
 from tubeplanner.optimizer.link_constraints import LinkConstraints
 from tubeplanner.optimizer.phased_spline import PhasedSpline, VelocityHull
-from tubeplanner.optimizer.region_constraints import EvaluatedRotation, evaluated_turn, goal_keys
+from tubeplanner.optimizer.region_constraints import (
+    EvaluatedRotation,
+    evaluated_rotation,
+    goal_keys,
+)
 from tubeplanner.optimizer.rows import EvaluatedSpeedLimit, StepSize
 from tubeplanner.optimizer.sampled_spline import sampled
-from tubeplanner.optimizer.segment_chains import OrderedSegments
+from tubeplanner.optimizer.segment_runs import OrderedSegments
 from tubeplanner.optimizer.spline_constraints import BLENDED, WIDELY_BLENDED
 from tubeplanner.optimizer.stages import SecondStage
 from tubeplanner.optimizer.starts import knot_grid
@@ -81,7 +85,7 @@ class Kinds:
             goal = GoalRegion(self.problem.tube.points[-1], 0.1, (0.3, np.inf, 0.2))
             ending = replace(self.problem, goal=goal)
             numbers = {key: number for number, key in enumerate(goal_keys(ending))}
-            return evaluated_turn(ending, at, path, numbers)[0]
+            return evaluated_rotation(ending, at, path, numbers)[0]
         limits = {limit.kind: limit for limit in speed_limits(self.problem)}
         limit = limits[self.kind.split()[0]]
         return EvaluatedSpeedLimit(limit, at, path, np.arange(len(limit.keys)))

@@ -90,7 +90,7 @@ def test_all_knots_are_multiples_and_every_phase_keeps_its_own(periods):
     assert (knots[0], knots[-1]) == (0.0, pytest.approx(periods))
     assert regular.grid.interval_count == min(before.grid.interval_count, periods)
     assert len(regular.control_points) == regular.grid.control_point_count
-    assert regular.grid.chains == CHAINS
+    assert regular.grid.runs == CHAINS
     for fraction in regular.grid.fractions:
         assert (fraction[0], fraction[-1]) == (0.0, 1.0)
         assert np.diff(fraction).min() > 0

@@ -240,17 +240,21 @@ def _chord_distance(
     slack = bend * width**2 / 8 + 2 * off
     beyond = (high + slack <= 0) | (low - slack >= 1)
     passes_end = ~beyond & ((low - slack < 0) | (high + slack > 1))
-    turn = np.where(beyond, 0.0, np.linalg.norm(tube.turn, axis=1)[parts.segment])
+    reference_angle = np.where(
+        beyond, 0.0, np.linalg.norm(tube.rotation_change, axis=1)[parts.segment]
+    )
     spin, spin_rate = pose.spin[parts.interval], pose.spin_rate[parts.interval]
-    relative = spin + turn * rate
+    relative = spin + reference_angle * rate
     move = _MAX_GAIN * relative * width
     farthest = np.minimum(angle + move / 2, np.pi + _MAX_MOVE)
     gain, gain_rate = turning_gain(farthest), turning_gain_rate(farthest)
-    smooth = spin_rate + turn * (bend + relative * rate) + gain_rate * relative**2
+    smooth = spin_rate + reference_angle * (bend + relative * rate) + gain_rate * relative**2
     broken = spin_rate + gain_rate * relative * spin
-    jump = turn * (high - low + bend * width**2 + 4 * off) / 2
+    jump = reference_angle * (high - low + bend * width**2 + 4 * off) / 2
     distance = gain * np.where(passes_end, broken * width**2 / 8 + jump, smooth * width**2 / 8)
-    error = gain * (MATRIX_ERROR_GAIN * pose.rotation.error[parts.interval, 0] + turn * off)
+    error = gain * (
+        MATRIX_ERROR_GAIN * pose.rotation.error[parts.interval, 0] + reference_angle * off
+    )
     return np.where(move <= _MAX_MOVE, distance, np.inf), error
 
 

@@ -33,8 +33,8 @@ from tubeplanner.first_guess.pose_configurations import (
 from tubeplanner.first_guess.segment_walk import (
     SegmentWalk,
     explain_error,
-    explain_turn,
-    turned_off,
+    explain_rotation,
+    rotation_text,
     wanted_at,
 )
 from tubeplanner.geometry.tube.points import arc_lengths
@@ -206,7 +206,7 @@ def end_configuration(problem: PlanningProblem, end: Endpoint, point: int) -> Fl
     elif problem.tube.rotation is not None:
         rotation, tool = problem.robot.tool_pose(solution.q[None])
         if problem.tube.rotation.margin(rotation, tool, segment)[0] < 0:
-            reason = _explain_turned_end(problem, target, seed, segment, solution)
+            reason = _explain_rotated_end(problem, target, seed, segment, solution)
     if reason is not None:
         place = Place(segment=problem.tube.segment_number(segment, target)).at(target)
         name = "start" if point == 0 else "goal"
@@ -218,7 +218,7 @@ def end_configuration(problem: PlanningProblem, end: Endpoint, point: int) -> Fl
     return solution.q
 
 
-def _explain_turned_end(
+def _explain_rotated_end(
     problem: PlanningProblem,
     target: FloatArray,
     seed: FloatArray,
@@ -235,7 +235,7 @@ def _explain_turned_end(
     is_outside = ((other.q < lower) | (other.q > upper)).any()
     keeps_rotation = tube is not None and tube.margin(rotation, tool, segment)[0] >= 0
     if other.error > _SEED_TOLERANCE or not keeps_rotation or not is_outside:
-        return explain_turn(problem, segment, turned_off(solution))
+        return explain_rotation(problem, segment, rotation_text(solution))
     outside = outside_bounds(robot, other.q[None], lower, upper)
     return (
         f"{bounded_by(problem, (segment,), outside)} are in the way of the orientation asked, "

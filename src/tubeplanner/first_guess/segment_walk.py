@@ -26,7 +26,7 @@ _KEPT_MARGIN_FRACTION = 0.1
 _THERE = 1e-9  # [m or rad]: errors of a solution at its target
 
 
-class ReferenceTurn:
+class ReferenceRotation:
     """The target rotation at every fraction of a segment, and the test of deviations from it."""
 
     def __init__(
@@ -185,7 +185,9 @@ class SegmentWalk:
         self._max_step = float(
             np.clip(_MAX_ROUTE_STEP * length.sum() / length[segment], _MAX_STEP, 1.0)
         )
-        self._turn = None if tube is None else ReferenceTurn(problem, tube, segment, begin, goal)
+        self._rotation = (
+            None if tube is None else ReferenceRotation(problem, tube, segment, begin, goal)
+        )
 
     def to_the_end(self) -> FloatArray:
         """Return the configurations (P, n) from the segment's start to its end.
@@ -254,14 +256,17 @@ class SegmentWalk:
         self, fraction: float, seed: FloatArray, preferred: FloatArray
     ) -> PositionSolution:
         robot, point = self._problem.robot, self._point(fraction)
-        rotation = None if self._turn is None else self._turn.wanted(fraction, point)
+        rotation = None if self._rotation is None else self._rotation.wanted(fraction, point)
         return solve_position(robot, point, seed, self._lower, self._upper, preferred, rotation)
 
     def _point(self, fraction: float) -> FloatArray:
         return (1 - fraction) * self._ends[0] + fraction * self._ends[1]
 
     def _is_off(self, solution: PositionSolution, fraction: float) -> bool:
-        if self._turn is not None and self._turn.off_segment(solution, fraction) is not None:
+        if (
+            self._rotation is not None
+            and self._rotation.off_segment(solution, fraction) is not None
+        ):
             return True
         return self._is_away(solution, fraction)
 
@@ -286,10 +291,10 @@ class SegmentWalk:
         jump = abs(solution.q - q)
         joint = self._problem.robot.joint_names[int(jump.argmax())]
         jumps = f"'{joint}' would have to jump by {jump.max():.3f} rad"
-        if self._turn is not None and self._could_go_on(fraction, q):
-            off = self._turn.off_segment(solution, fraction)
-            why = jumps if off is None else turned_off(solution)
-            reason = explain_turn(self._problem, self._segment if off is None else off, why)
+        if self._rotation is not None and self._could_go_on(fraction, q):
+            off = self._rotation.off_segment(solution, fraction)
+            why = jumps if off is None else rotation_text(solution)
+            reason = explain_rotation(self._problem, self._segment if off is None else off, why)
         elif self._is_off(solution, fraction):
             reason = explain_error(self._problem, point, q, self._segment, solution)
         else:
@@ -366,7 +371,7 @@ def explain_error(
     return f"{short} with the joint signs of segment {number} {bounds}"
 
 
-def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
+def explain_rotation(problem: PlanningProblem, segment: int, why: str) -> str:
     """Return the message that only the rotation tolerance keeps the tool from a point."""
     rotation = problem.rotation
     bounds = [np.inf] if rotation is None else rotation.bounds[segment].tolist()
@@ -384,7 +389,7 @@ def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
     )
 
 
-def turned_off(solution: PositionSolution) -> str:
+def rotation_text(solution: PositionSolution) -> str:
     """Return the message on the tool's least angle to its reference orientation [rad]."""
     return (
         f"the tool can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "

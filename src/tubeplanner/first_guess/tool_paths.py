@@ -77,15 +77,15 @@ def rounded_polyline(points: FloatArray, radius: FloatArray | None) -> list[Tool
     length = np.linalg.norm(lines, axis=1)
     direction = lines / length[:, None]
     count = len(lines)
-    turn = np.array([_angle(a, b) for a, b in pairwise(direction)])
+    bend = np.array([_angle(a, b) for a, b in pairwise(direction)])
     cut = np.zeros(count + 1)  # length of both lines that each corner's arc replaces
     if radius is not None:
         for k in range(1, count):
-            if _STRAIGHT < turn[k - 1] < np.pi - _BACK:
+            if _STRAIGHT < bend[k - 1] < np.pi - _BACK:
                 available = min(length[k - 1] / (1 + (k > 1)), length[k] / (1 + (k + 1 < count)))
-                bends = _arc_radius((1 - _KEPT_FRACTION) * radius[k - 1 : k + 1], turn[k - 1])
-                cut[k] = min(bends * np.tan(turn[k - 1] / 2), available)
-    is_passed = (cut[1:-1] > 0) | (turn <= _STRAIGHT) & (radius is not None)
+                bends = _arc_radius((1 - _KEPT_FRACTION) * radius[k - 1 : k + 1], bend[k - 1])
+                cut[k] = min(bends * np.tan(bend[k - 1] / 2), available)
+    is_passed = (cut[1:-1] > 0) | (bend <= _STRAIGHT) & (radius is not None)
     stops = [0, *(np.flatnonzero(~is_passed) + 1).tolist(), count]
     before = arc_lengths(points)
     return [_between_stops(points, before, cut, a, b) for a, b in pairwise(stops)]
@@ -95,21 +95,21 @@ def _angle(a: FloatArray, b: FloatArray) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def _arc_radius(allowed: FloatArray, turn: float) -> float:
+def _arc_radius(allowed: FloatArray, bend: float) -> float:
     """Return the largest radius of an arc that stays near its two lines.
 
     After a turn by p, the arc is away(p) radii from the line that it leaves, and away(turn - p)
     radii from the line that it joins. Where it is best counted to the other line, both distances
     are at their bounds.
     """
-    corner = 1 / np.cos(turn / 2)  # radii from the centre to where the lines meet
+    corner = 1 / np.cos(bend / 2)  # radii from the centre to where the lines meet
 
     def away(p: float) -> float:
-        if np.sin(p) <= np.tan(turn / 2):
+        if np.sin(p) <= np.tan(bend / 2):
             return float(1 - np.cos(p))
-        return float(np.sqrt(1 + corner**2 - 2 * corner * np.cos(p - turn / 2)))  # past its end
+        return float(np.sqrt(1 + corner**2 - 2 * corner * np.cos(p - bend / 2)))  # past its end
 
-    change = brentq(lambda p: allowed[0] * away(turn - p) - allowed[1] * away(p), 0.0, turn)
+    change = brentq(lambda p: allowed[0] * away(bend - p) - allowed[1] * away(p), 0.0, bend)
     return float(allowed[0] / away(change))
 
 
@@ -131,11 +131,11 @@ def _between_stops(
             start = points[k + 1] - after_line * direction
             following = points[k + 2] - points[k + 1]
             after = following / np.linalg.norm(following)
-            turn = _angle(direction, after)
+            bend = _angle(direction, after)
             sideways = after - (after @ direction) * direction
-            curvature = float(np.tan(turn / 2) / after_line)
+            curvature = float(np.tan(bend / 2) / after_line)
             normal = sideways / np.linalg.norm(sideways)
-            rows.append((start, direction, normal, curvature, turn / curvature, 2 * after_line))
+            rows.append((start, direction, normal, curvature, bend / curvature, 2 * after_line))
     starts, directions, normals, curvatures, lengths, polyline = zip(*rows, strict=True)
     return ToolCurve(
         np.array(starts),

@@ -248,6 +248,6 @@ def extent_of(shapes: Iterable[ConvexShape]) -> FloatArray:
 def spread_directions(count: int) -> FloatArray:
     """Return evenly spread unit vectors along a spiral by the golden angle, shape (count, 3)."""
     z = 1 - (2 * np.arange(count) + 1) / count
-    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
+    azimuth = np.arange(count) * np.pi * (3 - np.sqrt(5))
     wide = np.sqrt(1 - z * z)
-    return np.column_stack([wide * np.cos(turn), wide * np.sin(turn), z])
+    return np.column_stack([wide * np.cos(azimuth), wide * np.sin(azimuth), z])

@@ -513,10 +513,10 @@ def _wound_alike(corners: IntArray) -> IntArray:
     across = np.where(sides.direction[first] == sides.direction[second], count, 0)
     first, second = first % count, second % count
     alike = np.column_stack([first, second + across])
-    turned_round = np.column_stack([first + count, second + count - across])
-    _, side = _components(np.concatenate([alike, turned_round]), 2 * count)
-    turned = side[:count] > side[count:]  # the first of connected triangles stays as it is
-    return np.where(turned[:, None], corners[:, ::-1], corners)
+    swapped = np.column_stack([first + count, second + count - across])
+    _, side = _components(np.concatenate([alike, swapped]), 2 * count)
+    is_flipped = side[:count] > side[count:]  # the first of connected triangles stays as it is
+    return np.where(is_flipped[:, None], corners[:, ::-1], corners)
 
 
 def _components(links: IntArray, count: int) -> tuple[int, IntArray]:

@@ -14,7 +14,7 @@ _NO_LENGTH = 1e-9  # [m]
 def separating_directions(
     first: FloatArray,
     second: FloatArray,
-    turned: FloatArray,
+    rotation: FloatArray,
     moved: FloatArray,
     gap: FloatArray,
     *,
@@ -31,7 +31,7 @@ def separating_directions(
     Args:
         first: Points of the first set, shape (V, 3) [m].
         second: Points of the second set, in its frame, shape (W, 3) [m].
-        turned: Rotations of the first set into the frame of the second, shape (N, 3, 3).
+        rotation: Rotations of the first set into the frame of the second, shape (N, 3, 3).
         moved: Origin of the first set in the frame of the second, shape (N, 3) [m].
         gap: From any point of the first hull to any of the second, to begin with, (N, 3) [m].
         max_steps: Of the iteration.
@@ -53,10 +53,10 @@ def separating_directions(
         if len(live) == 0:
             break
         direction = gap / length[:, None]
-        local = np.einsum("nij,ni->nj", turned[live], direction)
+        local = np.einsum("nij,ni->nj", rotation[live], direction)
         support = first[(local @ first.T).argmax(axis=1)]
         behind = second[(direction @ second.T).argmin(axis=1)]
-        end = behind - moved[live] - np.einsum("nij,nj->ni", turned[live], support)
+        end = behind - moved[live] - np.einsum("nij,nj->ni", rotation[live], support)
         apart = np.sum(direction * end, axis=1)
         better = apart > bound[live]
         bound[live[better]], normal[live[better]] = apart[better], direction[better]

@@ -9,7 +9,7 @@ from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.optimizer.phased_spline import KnotGrid
-from tubeplanner.optimizer.segment_chains import sharpest_bend, smoothed_turns
+from tubeplanner.optimizer.segment_runs import sharpest_bend, smoothed_angles
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- A narrower tube inside a tube, about a smoother path, where a path bends within its radius.
@@ -69,7 +69,7 @@ def _with_slack(problem: PlanningProblem, fraction: float) -> PlanningProblem | 
     # Compulsory points where the path turns back over some radii.
     is_fixed = np.zeros(tube.segment_count + 1, dtype=bool)
     compulsory = tube.compulsory_points
-    is_fixed[compulsory] = smoothed_turns(tube)[compulsory - 1] > _BACKWARDS
+    is_fixed[compulsory] = smoothed_angles(tube)[compulsory - 1] > _BACKWARDS
     slack[is_fixed] = 0.0
     slack[[0, -1]] = 0.0
     old = tube.points.copy()
@@ -122,9 +122,9 @@ def _bending(points: FloatArray, is_free: BoolArray) -> sparse.csr_matrix:
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     steps = np.maximum(steps / np.median(steps), _MIN_STEP)
     direction = sparse.diags([-1 / steps, 1 / steps], [0, 1], shape=(count - 1, count))
-    turn = sparse.diags([-1.0, 1.0], [0, 1], shape=(count - 2, count - 1)) @ direction
+    bending = sparse.diags([-1.0, 1.0], [0, 1], shape=(count - 2, count - 1)) @ direction
     weight = ~is_free[1:-1] * 2 / (steps[1:] + steps[:-1])
-    return (turn.T @ sparse.diags(weight) @ turn).tocsr()
+    return (bending.T @ sparse.diags(weight) @ bending).tocsr()
 
 
 # ---- A tube as wide as knots are coarse: a few cubics cannot follow a narrow one.
@@ -144,10 +144,10 @@ def widened_radius(tube: Tube, grid: KnotGrid) -> FloatArray:
     axis = np.diff(tube.points, axis=0)
     length = np.linalg.norm(axis, axis=1)
     interval = [
-        length[chain.start : chain.stop].sum() / (len(fractions) - 1)
-        for chain, fractions in zip(grid.chains, grid.fractions, strict=True)
+        length[run.start : run.stop].sum() / (len(fractions) - 1)
+        for run, fractions in zip(grid.runs, grid.fractions, strict=True)
     ]
-    interval_of = np.repeat(interval, [len(chain) for chain in grid.chains])
+    interval_of = np.repeat(interval, [len(run) for run in grid.runs])
     widest = np.append(np.append(np.inf, _corner_radius(axis, length)), np.inf)
     widest = np.minimum(widest[:-1], widest[1:])
     coarse = np.minimum(_INTERVAL_FRACTION * interval_of, widest)

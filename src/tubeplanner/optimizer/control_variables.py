@@ -174,9 +174,9 @@ class ControlVariables:
             for bound in approachable_range(self._problem)
         )
         first = 0
-        for fractions, chain in zip(self._grid.fractions, self._grid.chains, strict=True):
+        for fractions, run in zip(self._grid.fractions, self._grid.runs, strict=True):
             counting = slice(first, first + len(fractions) - 1 + DEGREE)
-            segments = slice(chain.start, chain.stop)
+            segments = slice(run.start, run.stop)
             lower[counting] = np.maximum(lower[counting], joint_lower[segments].max(axis=0))
             upper[counting] = np.minimum(upper[counting], joint_upper[segments].min(axis=0))
             first += len(fractions) - 1

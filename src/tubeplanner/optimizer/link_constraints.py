@@ -197,7 +197,7 @@ def _risen_fraction(near: NearEnd, tool: FloatArray) -> tuple[FloatArray, FloatA
 def _segments(grid: KnotGrid, samples: Samples) -> tuple[IntArray, IntArray]:
     """Return each sample's segment and, at a switching time, its neighbour's: both (N,)."""
     own = segments_of_pieces(grid)[samples.interval]
-    first = np.array([chain.start for chain in grid.chains])
+    first = np.array([run.start for run in grid.runs])
     offset = np.where(samples.fraction == 0, -1, np.where(samples.fraction == 1, 1, 0))
     beside = first[np.clip(samples.phase + offset, 0, len(first) - 1)]
     is_inner: BoolArray = (offset != 0) & (samples.phase + offset >= 0)

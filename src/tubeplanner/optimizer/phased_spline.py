@@ -175,18 +175,18 @@ class KnotGrid:
 
     Attributes:
         fractions: Per phase, the knots' shares of it, from 0 to 1, both included.
-        chains: The tube's segments of every phase; one each if not given.
+        runs: The tube's segments of every phase; one each if not given.
         is_fixed: Whether switching times are fixed.
     """
 
     fractions: tuple[FloatArray, ...]
-    chains: tuple[range, ...] = ()
+    runs: tuple[range, ...] = ()
     is_fixed: bool = False
 
     def __post_init__(self) -> None:
-        if not self.chains:
-            chains = tuple(range(k, k + 1) for k in range(len(self.fractions)))
-            object.__setattr__(self, "chains", chains)
+        if not self.runs:
+            runs = tuple(range(k, k + 1) for k in range(len(self.fractions)))
+            object.__setattr__(self, "runs", runs)
 
     @property
     def switch_count(self) -> int:
@@ -258,7 +258,7 @@ def segments_of_pieces(grid: KnotGrid) -> IntArray:
 
     In a chain, the first: its segments have the same conditions on the arm.
     """
-    return np.repeat([chain.start for chain in grid.chains], grid.intervals_of_phases)
+    return np.repeat([run.start for run in grid.runs], grid.intervals_of_phases)
 
 
 @lru_cache(maxsize=32)  # of several kinds of samples, and while switching times stay

@@ -21,7 +21,7 @@ from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.path_samples import LimitKey, PathSamples
 from tubeplanner.optimizer.rows import INNER_MARGIN, Rows, StepSize, plane_rows
 from tubeplanner.optimizer.sampled_spline import SampledSpline
-from tubeplanner.optimizer.segment_chains import OrderedSegments
+from tubeplanner.optimizer.segment_runs import OrderedSegments
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- Vectors in regions, at samples of a spline: the tool's position or its rotation vector.
@@ -73,7 +73,7 @@ class EvaluatedRegions:
         regions: Of all segments.
         segment: The samples' own, shape (N,).
         segments_of: Returns the samples' segments for other vectors (N, 3).
-        in_chain: Whether a sample's segment follows from its vector, shape (N,).
+        in_run: Whether a sample's segment follows from its vector, shape (N,).
         margin: The fraction of the radii that stays unused, shape (N,).
         numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
         is_crossed: Whether a step may cross the whole region: then all planes count as near.
@@ -85,7 +85,7 @@ class EvaluatedRegions:
     regions: SegmentRegions
     segment: IntArray
     segments_of: Callable[[FloatArray], IntArray]
-    in_chain: BoolArray
+    in_run: BoolArray
     margin: FloatArray
     numbers: IntArray
     is_crossed: bool = False
@@ -99,7 +99,7 @@ class EvaluatedRegions:
     def planes(self) -> Planes:
         """The planes outward and, unless segments pass into each other, those of faces."""
         normal = np.array([self.regions.outward(self.vector, self.segment), *self.faces])
-        normal[1:, self.in_chain] = 0.0
+        normal[1:, self.in_run] = 0.0
         kind, sample = np.nonzero(normal.any(axis=2))
         return Planes(sample, normal[kind, sample], self.segment[sample])
 
@@ -246,7 +246,7 @@ def evaluated_tube(
         regions,
         path.segment,
         segments.at,
-        segments.in_chain,
+        segments.in_run,
         margin[path.segment],
         numbers,
     )
@@ -446,7 +446,7 @@ def evaluated_ball(
     return [ball]
 
 
-def evaluated_turn(
+def evaluated_rotation(
     problem: PlanningProblem, at: SampledSpline, path: PathSamples, numbers: Mapping[LimitKey, int]
 ) -> list[EvaluatedRotation]:
     """Return the bound on the rotation at the goal, or nothing; arguments as for the ball."""

@@ -31,8 +31,8 @@ from tubeplanner.optimizer.region_constraints import (
     EvaluatedRotation,
     evaluated_ball,
     evaluated_points,
+    evaluated_rotation,
     evaluated_tube,
-    evaluated_turn,
     goal_keys,
 )
 from tubeplanner.optimizer.rows import (
@@ -44,7 +44,7 @@ from tubeplanner.optimizer.rows import (
     stacked,
 )
 from tubeplanner.optimizer.sampled_spline import SampledSpline, sampled
-from tubeplanner.optimizer.segment_chains import OrderedSegments, largest_kink
+from tubeplanner.optimizer.segment_runs import OrderedSegments, largest_kink
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- Keys of a tube's tolerances among the limits.
@@ -180,9 +180,9 @@ class SplineConstraints:
         }
         self._tube_samples = grid.samples(_TUBE_SAMPLES).and_also(ends)
         # The segment before a compulsory point is the last one of its phase.
-        stops = [chain.stop for chain in grid.chains]
+        stops = [run.stop for run in grid.runs]
         self._passing_samples = ends.where(np.searchsorted(stops, problem.tube.compulsory_points))
-        self._last_sample = ends.where(np.array([len(grid.chains) - 1]))
+        self._last_sample = ends.where(np.array([len(grid.runs) - 1]))
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
         # Of the segments of chains, those that get a sample wherever the tool is.
         self._is_asked = np.zeros(problem.tube.segment_count, dtype=bool)
@@ -266,8 +266,8 @@ class SplineConstraints:
 
     def _ask_for_missed(self, tool: FloatArray) -> bool:
         """Ask for the segments that the tool misses at dense samples; return True if one is new."""
-        points, chains = self._problem.tube.points, self._grid.chains
-        segments = OrderedSegments(points, self._radius, chains, self._dense_samples)
+        points, runs = self._problem.tube.points, self._grid.runs
+        segments = OrderedSegments(points, self._radius, runs, self._dense_samples)
         missed = segments.missed(tool) & ~self._is_asked
         self._is_asked = self._is_asked | missed
         return bool(missed.any())
@@ -344,7 +344,7 @@ class SplineConstraints:
         if self._goal_keys:
             there = arm.at(self._last_sample)
             evaluated += evaluated_ball(self._problem, *there, self._numbers)
-            rotations += evaluated_turn(self._problem, *there, self._numbers)
+            rotations += evaluated_rotation(self._problem, *there, self._numbers)
         evaluated += [rotation.angle() for rotation in rotations if rotation.bounds_angle]
         if len(tube.compulsory_points):
             there = arm.at(self._passing_samples)
@@ -402,8 +402,8 @@ class _ArmAlong:
         return blended_friction(motors, rate, ends, self._blended_fraction)
 
     def segments_of(self, samples: Samples) -> OrderedSegments:
-        points, chains = self._problem.tube.points, self._spline.grid.chains
-        return OrderedSegments(points, self._radius, chains, samples, self._is_asked)
+        points, runs = self._problem.tube.points, self._spline.grid.runs
+        return OrderedSegments(points, self._radius, runs, samples, self._is_asked)
 
     def _segment(self, samples: Samples) -> IntArray:
         return self.segments_of(samples).at(self.at(samples)[1].tool_pose[1])
@@ -416,7 +416,7 @@ def _jumps_at_knots(limit: SpeedLimit) -> bool:
 def _margin_for_kinks(tube: Tube, grid: KnotGrid) -> float:
     """Return the margin, in radii, for the motion between samples at a chain's kinks."""
     spacing = arc_lengths(tube.points)[-1] / (grid.interval_count * (len(_DENSE_SAMPLES) - 1))
-    kink = largest_kink(tube, grid.chains, _UNEVEN * spacing)
+    kink = largest_kink(tube, grid.runs, _UNEVEN * spacing)
     return min(kink, _MAX_FOR_KINKS)
 
 

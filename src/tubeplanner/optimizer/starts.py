@@ -13,7 +13,7 @@ from tubeplanner.limits.tube_membership import tube_use
 from tubeplanner.optimizer.auxiliary_tubes import smoother_problem
 from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.optimizer.sampled_spline import sampled
-from tubeplanner.optimizer.segment_chains import OrderedSegments, tube_chains
+from tubeplanner.optimizer.segment_runs import OrderedSegments, tube_chains
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.polynomials import REST_POINTS, fitted_control_points, times_between
@@ -77,11 +77,11 @@ def starting_spline(
     corners = travel[np.cumsum([len(segment) for segment in branch.segments]) - 1]
     x = np.linspace(0, 1, 2001)
     covered = x**3 * (10 - 15 * x + 6 * x**2)
-    chains = tube_chains(problem)
-    ends = [chain.stop - 1 for chain in chains[:-1]]
+    runs = tube_chains(problem)
+    ends = [run.stop - 1 for run in runs[:-1]]
     inner = np.interp(corners[ends], covered, x)
     switching_times = _with_width(np.concatenate([[0.0], inner, [1.0]]))
-    grid = knot_grid(switching_times, intervals, chains)
+    grid = knot_grid(switching_times, intervals, runs)
     apart = np.concatenate([[True], np.diff(travel) > 0])
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
     course = np.interp(times, x, covered)
@@ -100,7 +100,7 @@ def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
         finer = (x - switching_times[k]) / width
         finer[::parts] = fraction
         fractions.append(finer)
-    return on_knots(spline, KnotGrid(tuple(fractions), spline.grid.chains), switching_times)
+    return on_knots(spline, KnotGrid(tuple(fractions), spline.grid.runs), switching_times)
 
 
 def on_knots(spline: PhasedSpline, grid: KnotGrid, switching_times: FloatArray) -> PhasedSpline:
@@ -111,7 +111,7 @@ def on_knots(spline: PhasedSpline, grid: KnotGrid, switching_times: FloatArray) 
 
 
 def knot_grid(
-    switching_times: FloatArray, intervals: int, chains: tuple[range, ...] = ()
+    switching_times: FloatArray, intervals: int, runs: tuple[range, ...] = ()
 ) -> KnotGrid:
     """Return knots clustered at both ends of the spline, as Chebyshev points are.
 
@@ -120,7 +120,7 @@ def knot_grid(
     Args:
         switching_times: Ends of the phases, from 0 to 1, shape (P+1,).
         intervals: Number of knot intervals in all, approximately.
-        chains: The segments of every phase; one each if not given.
+        runs: The segments of every phase; one each if not given.
     """
     angle = np.arccos(1 - 2 * switching_times)
     fractions, phases = [], len(switching_times) - 1
@@ -131,7 +131,7 @@ def knot_grid(
         fraction = (x - switching_times[k]) / (switching_times[k + 1] - switching_times[k])
         fraction[0], fraction[-1] = 0.0, 1.0
         fractions.append(fraction)
-    return KnotGrid(tuple(fractions), chains)
+    return KnotGrid(tuple(fractions), runs)
 
 
 def _with_width(switching_times: FloatArray) -> FloatArray:
@@ -148,13 +148,13 @@ def _with_width(switching_times: FloatArray) -> FloatArray:
 
 def _excess_in_chains(problem: PlanningProblem, spline: PhasedSpline) -> float:
     """Return the largest distance of the tool outside its segments in chains, in radii."""
-    if all(len(chain) == 1 for chain in spline.grid.chains):
+    if all(len(run) == 1 for run in spline.grid.runs):
         return 0.0
     tube, samples = problem.tube, spline.grid.samples(_FIT_SAMPLES)
-    segments = OrderedSegments(tube.points, tube.effective_radius, spline.grid.chains, samples)
+    segments = OrderedSegments(tube.points, tube.effective_radius, spline.grid.runs, samples)
     tool = problem.robot.tool_position(sampled(spline, samples).position)
     excess = tube_use(problem, tool, segments.at(tool)) - 1
-    return float(excess[segments.in_chain].max(initial=0.0))
+    return float(excess[segments.in_run].max(initial=0.0))
 
 
 def _fitted(
@@ -195,7 +195,7 @@ class RefinedMotion:
         if changed.robot.joint_names != self.problem.robot.joint_names:
             return None
         inner = smoother_problem(changed) if self.is_smoother else changed
-        if inner is None or tube_chains(inner) != self.spline.grid.chains:
+        if inner is None or tube_chains(inner) != self.spline.grid.runs:
             return None
         return inner
 
@@ -215,7 +215,7 @@ class RefinedMotion:
         target = q.copy()
         start, goal = changed.endpoints
         target[0] = end_configuration(changed, start, 0)
-        points = [chain.stop for chain in self.spline.grid.chains]
+        points = [run.stop for run in self.spline.grid.runs]
         for k, point in enumerate(points, start=1):
             is_last = k == len(points)
             shift = changed.tube.points[point] - self.problem.tube.points[point]
@@ -285,5 +285,5 @@ def on_periodic_knots(spline: PhasedSpline, periods: int) -> PhasedSpline:
         inner = breakpoints[(breakpoints > begin) & (breakpoints < end)]
         places = np.unique(np.concatenate([[begin], inner, [end]]))
         fractions.append((places - begin) / (end - begin))
-    grid = KnotGrid(tuple(fractions), spline.grid.chains, is_fixed=True)
+    grid = KnotGrid(tuple(fractions), spline.grid.runs, is_fixed=True)
     return on_knots(spline, grid, ends / periods)

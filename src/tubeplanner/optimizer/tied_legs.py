@@ -76,7 +76,7 @@ class TiedLegs:
                 spline = motion.spline
                 if own > 1:
                     times, grid = spline.switching_times, spline.grid
-                    coarse = knot_grid(times, round(grid.interval_count / own), grid.chains)
+                    coarse = knot_grid(times, round(grid.interval_count / own), grid.runs)
                     spline = on_knots(spline, coarse, times)
                 splines.append(spline)
             self._iterates = self._on_knots(splines)

@@ -156,9 +156,9 @@ def coarse_hull_points(points: FloatArray) -> FloatArray:
 def directions(count: int) -> FloatArray:
     """Return unit vectors spread evenly over the sphere, shape (count, 3)."""
     z = 1 - (2 * np.arange(count) + 1) / count
-    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))  # the golden angle
+    azimuth = np.arange(count) * np.pi * (3 - np.sqrt(5))  # the golden angle
     ring = np.sqrt(1 - z**2)
-    return np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
+    return np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
 
 
 def tube_surfaces(tube: Tube) -> list[Surface]:
@@ -209,8 +209,8 @@ def capsule_grid(
     straight = np.linspace(0, length, _STRAIGHT_RINGS + 2)[1:-1]
     height = np.concatenate([-radius * np.cos(cap), straight, length + radius * np.cos(cap[::-1])])
     ring = radius * np.concatenate([np.sin(cap), np.ones(len(straight)), np.sin(cap[::-1])])
-    turn = np.linspace(0, 2 * np.pi, sides + 1)[:, None, None]
-    radial = np.cos(turn) * x + np.sin(turn) * np.cross(z, x)
+    azimuth = np.linspace(0, 2 * np.pi, sides + 1)[:, None, None]
+    radial = np.cos(azimuth) * x + np.sin(azimuth) * np.cross(z, x)
     points = start + height[:, None] * z + ring[:, None] * radial
     return points[..., 0], points[..., 1], points[..., 2]
 
@@ -257,7 +257,7 @@ def pipe(points: FloatArray, radius: float) -> tuple[Surface, IntArray]:
         return Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)), rows[:0]
     line = points[rows]
     tangent = np.gradient(line, axis=0)
-    turn = np.linspace(0, 2 * np.pi, _PIPE_SIDES + 1)[:, None]
+    azimuth = np.linspace(0, 2 * np.pi, _PIPE_SIDES + 1)[:, None]
     side = _axes(tangent[0])[1]
     rings = []
     for point, axis in zip(line, tangent, strict=True):
@@ -265,7 +265,9 @@ def pipe(points: FloatArray, radius: float) -> tuple[Surface, IntArray]:
         side = side - (side @ z) * z  # carried along, so that the rings are not twisted
         norm = float(np.linalg.norm(side))
         side = side / norm if norm > 1e-6 else fallback
-        rings.append(point + radius * (np.cos(turn) * side + np.sin(turn) * np.cross(z, side)))
+        rings.append(
+            point + radius * (np.cos(azimuth) * side + np.sin(azimuth) * np.cross(z, side))
+        )
     # The ends are closed by rings without width.
     ends = np.tile(line[[0, -1]][:, None], (1, _PIPE_SIDES + 1, 1))
     grid = np.concatenate([ends[:1], np.array(rings), ends[1:]])

@@ -22,7 +22,7 @@ from tubeplanner.first_guess.pose_configurations import (
     outside_bounds,
     spread_seeds,
 )
-from tubeplanner.first_guess.segment_walk import explain_turn
+from tubeplanner.first_guess.segment_walk import explain_rotation
 from tubeplanner.limits.joint_efforts import require_held
 from tubeplanner.outcome import (
     MARGIN_TOLERANCE,
@@ -222,15 +222,17 @@ class _Configurations:
         return lower.max(axis=0), upper.min(axis=0)
 
     def first(
-        self, bounds: _Bounds, accepts: _Accepts | None = None, *, turned: bool
+        self, bounds: _Bounds, accepts: _Accepts | None = None, *, oriented: bool
     ) -> FloatArray | None:
         """Return an accepted configuration (n,) with the tool here, within bounds."""
-        for solution in self.solutions(bounds, turned=turned):
-            if self.is_there(solution, turned=turned) and (accepts is None or accepts(solution.q)):
+        for solution in self.solutions(bounds, oriented=oriented):
+            if self.is_there(solution, oriented=oriented) and (
+                accepts is None or accepts(solution.q)
+            ):
                 return solution.q
         return None
 
-    def solutions(self, bounds: _Bounds, *, turned: bool) -> Iterator[PositionSolution]:
+    def solutions(self, bounds: _Bounds, *, oriented: bool) -> Iterator[PositionSolution]:
         """Yield the nearest solutions within bounds from all seeds, here or not.
 
         Then those from the seeds' solutions without bounds: joints that a bound stops on the way
@@ -238,38 +240,38 @@ class _Configurations:
         """
         seeds = self._seeds()
         for seed in seeds:
-            yield self._solved(seed, bounds, turned)
+            yield self._solved(seed, bounds, oriented)
         if np.isinf(bounds).all():
             return
         for seed in seeds:
-            other = self._solved(seed, self.free, turned)
-            yield self._solved(self._unwound(other.q), bounds, turned)
+            other = self._solved(seed, self.free, oriented)
+            yield self._solved(self._unwound(other.q), bounds, oriented)
 
     def _seeds(self) -> list[FloatArray]:
         return [self.start, *spread_seeds(*self.bounds)[:_MAX_SEEDS]]
 
-    def _solved(self, seed: FloatArray, bounds: _Bounds, turned: bool) -> PositionSolution:
+    def _solved(self, seed: FloatArray, bounds: _Bounds, oriented: bool) -> PositionSolution:
         robot, spot, tube = self.problem.robot, self.spot, self.problem.rotation
-        if tube is None or not turned:
+        if tube is None or not oriented:
             return solve_position(robot, spot.tool, seed, *bounds)
         rows = spot.rotation_rows
         return solve_within_tolerance(robot, spot.tool, tube, rows, seed, *bounds)
 
-    def unbounded(self, *, turned: bool) -> FloatArray:
+    def unbounded(self, *, oriented: bool) -> FloatArray:
         """Return configurations (c, n) with the tool here, joints without bounds."""
-        solutions = self.solutions(self.free, turned=turned)
-        q = [self._unwound(each.q) for each in solutions if self.is_there(each, turned=turned)]
+        solutions = self.solutions(self.free, oriented=oriented)
+        q = [self._unwound(each.q) for each in solutions if self.is_there(each, oriented=oriented)]
         return np.array(q).reshape(-1, self.problem.robot.joint_count)
 
     def nearest(self, bounds: _Bounds) -> float:
         """Return the tool's least distance, with any orientation [m]."""
-        return min(each.error for each in self.solutions(bounds, turned=False))
+        return min(each.error for each in self.solutions(bounds, oriented=False))
 
-    def is_there(self, solution: PositionSolution, *, turned: bool) -> bool:
-        """Return True if a solution has the tool here and, if `turned`, keeps the rotation."""
+    def is_there(self, solution: PositionSolution, *, oriented: bool) -> bool:
+        """Return True if a solution has the tool here and, if `oriented`, keeps the rotation."""
         if solution.error > self.spot.allowed + _REACHED:
             return False
-        return not turned or solution.rotation_error <= MARGIN_TOLERANCE
+        return not oriented or solution.rotation_error <= MARGIN_TOLERANCE
 
     def _unwound(self, q: FloatArray) -> FloatArray:
         """Return a configuration (n,) moved by whole turns nearest to the middle of bounds."""
@@ -311,7 +313,7 @@ class _Configurations:
 
 
 def _out_of_reach(at: _Configurations) -> Infeasible | None:
-    if at.first(at.free, turned=False) is not None:
+    if at.first(at.free, oriented=False) is not None:
         return None
     near = at.nearest(at.free)
     return at.unreachable(
@@ -321,9 +323,9 @@ def _out_of_reach(at: _Configurations) -> Infeasible | None:
 
 
 def _out_of_bounds(at: _Configurations) -> Infeasible | None:
-    if at.first(at.bounds, turned=False) is not None:
+    if at.first(at.bounds, oriented=False) is not None:
         return None
-    what, outside = _least_outside(at, turned=False)
+    what, outside = _least_outside(at, oriented=False)
     return at.unreachable(
         f"the tool was brought no nearer than {at.nearest(at.bounds):.4g} m: {what} are in the "
         f"way, {outside.words}; change them or move the {at.spot.name}",
@@ -331,34 +333,34 @@ def _out_of_bounds(at: _Configurations) -> Infeasible | None:
     )
 
 
-def _not_held(at: _Configurations, *, turned: bool = False) -> Infeasible | None:
-    return _without(at, at.is_held, lambda q: require_held(at.problem, q), turned=turned)
+def _not_held(at: _Configurations, *, oriented: bool = False) -> Infeasible | None:
+    return _without(at, at.is_held, lambda q: require_held(at.problem, q), oriented=oriented)
 
 
-def _not_free(at: _Configurations, *, turned: bool = False) -> Infeasible | None:
+def _not_free(at: _Configurations, *, oriented: bool = False) -> Infeasible | None:
     name = at.spot.name if at.spot.is_goal else str(at.spot.place)
 
     def require(q: FloatArray) -> None:
         require_free(at.problem, name, q, at.required(q))
 
-    return _without(at, at.is_free, require, turned=turned)
+    return _without(at, at.is_free, require, oriented=oriented)
 
 
-def _turned_away(at: _Configurations) -> Infeasible | None:
-    if at.first(at.free, turned=True) is not None:
+def _rotated_away(at: _Configurations) -> Infeasible | None:
+    if at.first(at.free, oriented=True) is not None:
         return None
-    solutions = list(at.solutions(at.free, turned=True))
-    near = [each for each in solutions if at.is_there(each, turned=False)] or solutions
+    solutions = list(at.solutions(at.free, oriented=True))
+    near = [each for each in solutions if at.is_there(each, oriented=False)] or solutions
     outside = min(each.rotation_error for each in near)
     row = min(at.spot.rotation_rows, key=at.tightest)
     off = f"there the tool was brought no nearer to it than {outside:.3g} rad"
-    return at.unreachable(explain_turn(at.problem, row, off))
+    return at.unreachable(explain_rotation(at.problem, row, off))
 
 
-def _turned_out_of_bounds(at: _Configurations) -> Infeasible | None:
-    if at.first(at.bounds, turned=True) is not None:
+def _rotated_out_of_bounds(at: _Configurations) -> Infeasible | None:
+    if at.first(at.bounds, oriented=True) is not None:
         return None
-    what, outside = _least_outside(at, turned=True)
+    what, outside = _least_outside(at, oriented=True)
     number = at.problem.tube.segment_number(at.spot.segments[0])
     return at.unreachable(
         f"{what} are in the way of the orientation asked, {outside.words}; change them, widen "
@@ -369,17 +371,17 @@ def _turned_out_of_bounds(at: _Configurations) -> Infeasible | None:
 
 _POSITION_CHECKS: tuple[_Check, ...] = (_out_of_reach, _out_of_bounds, _not_held)
 _TURNED_CHECKS: tuple[_Check, ...] = (
-    *(_turned_away, _turned_out_of_bounds),
-    *(partial(_not_held, turned=True), partial(_not_free, turned=True)),
+    *(_rotated_away, _rotated_out_of_bounds),
+    *(partial(_not_held, oriented=True), partial(_not_free, oriented=True)),
 )
 
 
 def _without(
-    at: _Configurations, accepts: _Accepts, require: Callable[[FloatArray], None], *, turned: bool
+    at: _Configurations, accepts: _Accepts, require: Callable[[FloatArray], None], *, oriented: bool
 ) -> Infeasible | None:
     """Return the refusal of the first configuration here, or None if another is accepted."""
-    first = at.first(at.bounds, turned=turned)
-    if first is None or at.first(at.bounds, accepts, turned=turned) is not None:
+    first = at.first(at.bounds, oriented=oriented)
+    if first is None or at.first(at.bounds, accepts, oriented=oriented) is not None:
         return None
     try:
         require(first)
@@ -390,9 +392,9 @@ def _without(
     return None
 
 
-def _least_outside(at: _Configurations, *, turned: bool) -> tuple[str, OutsideBounds]:
+def _least_outside(at: _Configurations, *, oriented: bool) -> tuple[str, OutsideBounds]:
     """Return the joint outside its bounds by the least, after the name of the bounds."""
-    outside = outside_bounds(at.problem.robot, at.unbounded(turned=turned), *at.bounds)
+    outside = outside_bounds(at.problem.robot, at.unbounded(oriented=oriented), *at.bounds)
     return bounded_by(at.problem, at.spot.segments, outside), outside
 
 

@@ -16,7 +16,7 @@ from tubeplanner.first_guess.branches import KnownBranches, ReferenceBranch, red
 from tubeplanner.limits.time_scaling import scaled_to_limits
 from tubeplanner.optimizer.auxiliary_tubes import smoother_problem, widened_radius
 from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline
-from tubeplanner.optimizer.segment_chains import sharpest_bend, tube_chains
+from tubeplanner.optimizer.segment_runs import sharpest_bend, tube_chains
 from tubeplanner.optimizer.stages import Refinement, has_enough_knots, limit_sensitivities
 from tubeplanner.optimizer.starts import RefinedMotion, sufficient_start
 from tubeplanner.outcome import (
@@ -249,11 +249,11 @@ def _inner_problems(
     The smoother problem only where segments form chains: a phase for every segment follows any
     bend.
     """
-    chains = tube_chains(problem)
-    if all(len(chain) == 1 for chain in chains):
+    runs = tube_chains(problem)
+    if all(len(run) == 1 for run in runs):
         yield problem, branches
         return
-    bends_sharply = sharpest_bend(problem.tube, chains) > _SHARP_BEND
+    bends_sharply = sharpest_bend(problem.tube, runs) > _SHARP_BEND
     if not bends_sharply:
         yield problem, branches
     smoother = smoother_problem(problem)
@@ -305,8 +305,8 @@ def _starts(
         if any(branch.is_as(other) for other in distinct):
             continue
         wide = sufficient_start(problem, branch, quality.knots[0][0])
-        has_chains = any(len(chain) > 1 for chain in wide.grid.chains)
-        is_narrow = has_chains or _is_widened(problem, wide)
+        has_runs = any(len(run) > 1 for run in wide.grid.runs)
+        is_narrow = has_runs or _is_widened(problem, wide)
         knots = quality.narrow_knots if is_narrow else quality.knots
         for start in _starts_from(problem, branch, knots[: 1 if distinct else None]):
             first = first or start
@@ -377,9 +377,9 @@ def _divisions(grid: KnotGrid, intervals: int, divisions: tuple[int, ...]) -> tu
     Every phase has intervals, and chains as many as they need: then fewer divisions lead to the
     finest knots.
     """
-    count, has_chains = grid.interval_count, any(len(chain) > 1 for chain in grid.chains)
+    count, has_runs = grid.interval_count, any(len(run) > 1 for run in grid.runs)
     most = _MAX_KNOTS_RATIO * intervals * float(np.prod(divisions))
-    most = max(most, _MIN_DIVISION * count) if has_chains else most
+    most = max(most, _MIN_DIVISION * count) if has_runs else most
     parts = list(divisions)
     while parts and count * np.prod(parts) > most:
         parts[0] -= 1

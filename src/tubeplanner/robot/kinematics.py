@@ -118,14 +118,14 @@ class ModelJoints:
         planned: Group index of the joint itself or of its leader, shape (M,).
         multiplier: Velocity over the leader's, shape (M,); 1 for a planned joint.
         offset: Position at the leader's zero, shape (M,) [rad or m].
-        turns: True if a joint turns, False if it slides, shape (M,).
+        is_revolute: True if a joint turns, False if it slides, shape (M,).
         own: Index of each planned joint among the M, shape (n,).
     """
 
     planned: IntArray
     multiplier: FloatArray
     offset: FloatArray
-    turns: BoolArray
+    is_revolute: BoolArray
     own: IntArray
 
     def positions(self, q: FloatArray) -> FloatArray:
@@ -198,7 +198,7 @@ def model_joints(
         planned=np.array([group.index(rule.master) for rule in rules], dtype=np.int64),
         multiplier=read_only([rule.multiplier for rule in rules]),
         offset=read_only([rule.offset for rule in rules]),
-        turns=np.array([description.joints[name].type != "prismatic" for name in names]),
+        is_revolute=np.array([description.joints[name].type != "prismatic" for name in names]),
         own=np.array([list(names).index(name) for name in group], dtype=np.int64),
     )
 
@@ -215,22 +215,27 @@ class BodyChain:
         rotation: Of each body in its parent, its joint at zero, shape (bodies, 3, 3).
         position: Of its origin there, shape (bodies, 3) [m].
         axes: Of the joints, in the frames of the bodies that they move, shape (M, 3).
-        turns: True if a joint turns, False if it slides, shape (M,).
+        is_revolute: True if a joint turns, False if it slides, shape (M,).
     """
 
     parents: IntArray
     rotation: FloatArray
     position: FloatArray
     axes: FloatArray
-    turns: BoolArray
+    is_revolute: BoolArray
 
     @staticmethod
     def of(
-        parents: IntArray, placements: Sequence[FloatArray], axes: FloatArray, turns: BoolArray
+        parents: IntArray,
+        placements: Sequence[FloatArray],
+        axes: FloatArray,
+        is_revolute: BoolArray,
     ) -> "BodyChain":
         """Return the chain of bodies of known poses (4, 4) in their parents, joints at zero."""
         poses = np.array(placements)
-        return BodyChain(parents, poses[:, :3, :3].copy(), poses[:, :3, 3].copy(), axes, turns)
+        return BodyChain(
+            parents, poses[:, :3, :3].copy(), poses[:, :3, 3].copy(), axes, is_revolute
+        )
 
     def poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] at positions (N, M)."""
@@ -262,7 +267,7 @@ class BodyChain:
             rotation=np.concatenate([self.rotation[row], [rotation]]),
             position=np.concatenate([self.position[row], [position]]),
             axes=np.concatenate([self.axes[bodies - 1], np.zeros((1, 3))]),
-            turns=np.append(self.turns[bodies - 1], True),
+            is_revolute=np.append(self.is_revolute[bodies - 1], True),
         )
 
     def joint_table(
@@ -276,20 +281,20 @@ class BodyChain:
             offset: Position at the planned joint's zero, shape (M,) [rad or m].
         """
         across, twice, along = self._by_joint
-        numbers = [self.parents[1:], planned, self.turns, multiplier, offset]
+        numbers = [self.parents[1:], planned, self.is_revolute, multiplier, offset]
         vectors = [self.position[1:], self.axes, along]
         matrices = [matrix.reshape(-1, 9) for matrix in (self.rotation[1:], across, twice)]
         return np.column_stack([*numbers, *vectors, *matrices]).astype(np.float64)
 
     @cached_property
     def _own_table(self) -> FloatArray:
-        joints = np.arange(len(self.turns))
+        joints = np.arange(len(self.is_revolute))
         return self.joint_table(joints, np.ones(len(joints)), np.zeros(len(joints)))
 
     def _in_parents(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, M, 3, 3) and origins (N, M, 3) of bodies in their parents."""
         across, twice, along = self._by_joint
-        angle, travel = np.where(self.turns, q, 0.0), np.where(self.turns, 0.0, q)
+        angle, travel = np.where(self.is_revolute, q, 0.0), np.where(self.is_revolute, 0.0, q)
         sine, versine = np.sin(angle)[..., None, None], 1 - np.cos(angle)[..., None, None]
         # Rodrigues: R = R0 (I + sin(q) K + (1 - cos(q)) K^2), K the axis's cross-product matrix.
         rotation = self.rotation[1:] + sine * across + versine * twice
@@ -443,9 +448,9 @@ class ToolChain:
         tool_rotation, tool = self._of_bodies(rotation, position)
         carried = self.carries[self.model.frames[self.frame].parentJoint]
         axis = (rotation[:, 1:] @ self.chain.axes[:, :, None])[..., 0] * carried[:, None]
-        turns = self.joints.turns[:, None]
-        linear = np.where(turns, cross_product(axis, tool[:, None] - position[:, 1:]), axis)
-        columns = np.concatenate([linear, np.where(turns, axis, 0.0)], axis=2)
+        is_revolute = self.joints.is_revolute[:, None]
+        linear = np.where(is_revolute, cross_product(axis, tool[:, None] - position[:, 1:]), axis)
+        columns = np.concatenate([linear, np.where(is_revolute, axis, 0.0)], axis=2)
         return tool_rotation, tool, self.joints.collected(columns.swapaxes(1, 2))
 
 

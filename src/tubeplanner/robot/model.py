@@ -323,7 +323,7 @@ class RobotModel:
             return native_point_jacobians(table, self.joint_count, poses, body, point)
         axis = np.einsum("njab,jb->nja", rotation[:, 1:], self.chain.axes)
         by_turning = cross_product(axis, point[:, None] - position[:, 1:])
-        columns: FloatArray = np.where(self.body_turns[1:, None], by_turning, axis)
+        columns: FloatArray = np.where(self.is_revolute[1:, None], by_turning, axis)
         columns = columns * self.carries[body][:, :, None]
         return self._joints.collected(columns.transpose(0, 2, 1))
 
@@ -382,7 +382,7 @@ class RobotModel:
     @cached_property
     def revolute(self) -> BoolArray:
         """True if a joint turns, False if it slides, shape (n,)."""
-        return self._joints.turns[self._joints.own]
+        return self._joints.is_revolute[self._joints.own]
 
     def approach_rates(
         self, bodies: tuple[IntArray, IntArray], reach: tuple[FloatArray, FloatArray]
@@ -398,7 +398,7 @@ class RobotModel:
         """
         first, second = (self.carries[body] for body in bodies)
         rates = [
-            np.where(self._joints.turns, self.lever_arm[body] + radius[:, None], 1.0)
+            np.where(self._joints.is_revolute, self.lever_arm[body] + radius[:, None], 1.0)
             for body, radius in zip(bodies, reach, strict=True)
         ]
         relative = np.where(first, rates[0], rates[1])
@@ -413,7 +413,7 @@ class RobotModel:
         """
         joints, limits = self._joints, self.limits
         travel = joints.travel(limits.lower_position, limits.upper_position)
-        return lever_arms(self._model, np.where(joints.turns, 0.0, travel))
+        return lever_arms(self._model, np.where(joints.is_revolute, 0.0, travel))
 
     @cached_property
     def body_parents(self) -> IntArray:
@@ -432,9 +432,9 @@ class RobotModel:
         return np.append(1.0, joints.multiplier), np.append(0.0, joints.offset)
 
     @cached_property
-    def body_turns(self) -> BoolArray:
+    def is_revolute(self) -> BoolArray:
         """True if a body turns about its parent, False if it slides, shape (bodies,)."""
-        return np.append(False, self._joints.turns)
+        return np.append(False, self._joints.is_revolute)
 
     @cached_property
     def body_offsets(self) -> FloatArray:
@@ -471,7 +471,7 @@ class RobotModel:
         """The kinematic tree of the bodies."""
         placements = [each.homogeneous for each in self._model.jointPlacements]
         axes = joint_axes(self._model)
-        return BodyChain.of(self.body_parents, placements, axes, self._joints.turns)
+        return BodyChain.of(self.body_parents, placements, axes, self._joints.is_revolute)
 
     @property
     def tool_joints(self) -> FloatArray:

@@ -9,13 +9,13 @@ import pytest
 from tubeplanner import Tube
 from tubeplanner.errors import ProblemError
 from tubeplanner.geometry.tube.points import (
+    angle_at,
     arc_lengths,
     compulsory_points,
     densified,
     farthest_from_line,
     passing_radius,
     simplified,
-    turn_at,
 )
 
 LINE = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
@@ -114,7 +114,7 @@ def corners_of(points, radius):
 def test_a_corner_is_where_the_tube_turns_by_more_than_150_degrees(degrees, expected):
     angle = np.radians(degrees)
     bent = np.array([[-1, 0, 0], [0, 0, 0], [np.cos(angle), np.sin(angle), 0.0]])
-    assert turn_at(bent, 1, 0.0) == pytest.approx(angle, abs=1e-12)
+    assert angle_at(bent, 1, 0.0) == pytest.approx(angle, abs=1e-12)
     assert corners_of(bent, 0.1) == expected
 
 

@@ -118,7 +118,9 @@ def test_a_segment_may_be_free_beside_one_that_is_not():
 @pytest.mark.parametrize("angle", [0.0, 179.99, -179.99])
 def test_less_than_half_a_turn_is_accepted(angle):
     tube = turned(LINE, [STILL, about([0, 1, 0], np.radians(angle))], 0.1)
-    np.testing.assert_allclose(tube.rotation.turn[0], [0, np.radians(angle), 0], atol=1e-12)
+    np.testing.assert_allclose(
+        tube.rotation.rotation_change[0], [0, np.radians(angle), 0], atol=1e-12
+    )
 
 
 def test_rounded_quaternions_are_made_unit():

@@ -304,7 +304,7 @@ def test_a_divided_line_is_one_segment_to_the_last_digit(parts, quaternions, vis
     assert joined.parts is original
     assert joined.numbers.tolist() == [0, parts, 2 * parts]
     if quaternions is not None:
-        for name in ("begin", "turn", "bounds"):
+        for name in ("begin", "rotation_change", "bounds"):
             mine, others = (getattr(tube.rotation, name) for tube in (joined, whole))
             np.testing.assert_array_equal(mine, others)
     assert joined_segments(joined) is joined

@@ -63,8 +63,8 @@ def test_degrees_are_noticed_and_noise_at_a_limit_is_no_fault(two_link):
 
 
 def test_continuous_joints_are_unwrapped(tmp_path):
-    turn = joint("turn", "base", "arm", "continuous", limit='<limit effort="10" velocity="1"/>')
-    robot = loaded(tmp_path, links("base", "arm"), turn, tool="arm")
+    detour = joint("turn", "base", "arm", "continuous", limit='<limit effort="10" velocity="1"/>')
+    robot = loaded(tmp_path, links("base", "arm"), detour, tool="arm")
     turning = np.linspace(0, 9, 50)[:, None]
     wrapped = (turning + np.pi) % (2 * np.pi) - np.pi
     np.testing.assert_allclose(joint_trail(robot, ["turn"], wrapped), turning, atol=1e-6)
@@ -82,11 +82,11 @@ def test_pauses_duplicates_and_noise_are_dropped_and_the_ends_are_kept():
 
 
 def test_a_way_out_and_back_is_left_out(two_link):
-    start, side, turn, end = [0, 0.5], [0.6, 0.5], [1.0, 0.9], [1.2, 0.2]
-    q = lines(start, side, turn, side, end)
-    kept, turns = without_ways_back(two_link, q, 0.01)
-    there = two_link.tool_position(np.array([turn]))[0]
-    np.testing.assert_allclose(turns, [there], atol=0.02)
+    start, side, detour, end = [0, 0.5], [0.6, 0.5], [1.0, 0.9], [1.2, 0.2]
+    q = lines(start, side, detour, side, end)
+    kept, detours = without_ways_back(two_link, q, 0.01)
+    there = two_link.tool_position(np.array([detour]))[0]
+    np.testing.assert_allclose(detours, [there], atol=0.02)
     assert np.linalg.norm(two_link.tool_position(kept) - there, axis=1).min() > 0.05
     np.testing.assert_array_equal(kept[[0, -1]], q[[0, -1]])
     assert abs(np.diff(kept, axis=0)).max() < 0.25
@@ -98,15 +98,15 @@ def test_a_way_back_along_a_straight_line_is_left_out_too(two_link):
     q, free = [np.array([-0.3, 1.0])], np.full(2, np.inf)
     for point in np.vstack([line[:60], line[60:20:-1], line[20:]]):
         q.append(solve_position(two_link, point, q[-1], -free, free).q)
-    kept, turns = without_ways_back(two_link, np.array(q[1:]), 0.03)
-    np.testing.assert_allclose(turns, line[60:61], atol=0.01)
+    kept, detours = without_ways_back(two_link, np.array(q[1:]), 0.03)
+    np.testing.assert_allclose(detours, line[60:61], atol=0.01)
     assert (np.diff(two_link.tool_position(kept)[:, 1]) > -1e-9).all()
 
 
 def test_a_way_around_is_no_way_back(two_link):
     q = lines([0, 0.5], [0.8, 0.5], [0.8, 1.5], [0, 1.5], [0, 0.5])
-    kept, turns = without_ways_back(two_link, q, 0.01)
-    assert turns == [] and len(kept) == len(q)
+    kept, detours = without_ways_back(two_link, q, 0.01)
+    assert detours == [] and len(kept) == len(q)
 
 
 def test_trails_that_lead_nowhere_are_refused(two_link):
@@ -158,10 +158,10 @@ def test_what_the_trail_saved_is_said(taught):
 @pytest.mark.dear("measures a tube")
 def test_a_template_keeps_its_tolerances_and_what_is_not_kept_is_named(run, tmp_path):
     q = write_trail(tmp_path / "trail.csv", ["joint1", "joint2"], lines([0.0, -1.2], [0.8, -1.2]))
-    turn = [0.0, 0.0, 0.0, 1.0]
+    detour = [0.0, 0.0, 0.0, 1.0]
     tube = {
         **{"points": [[0.4, 0, 0], [0.5, 0, 0], [0.5, 0.1, 0]], "radius": 0.1, "visit": "any"},
-        **{"orientations": [turn] * 3, "rotation_tolerance": 1.0, "tool_speed": [2.0, 2.0]},
+        **{"orientations": [detour] * 3, "rotation_tolerance": 1.0, "tool_speed": [2.0, 2.0]},
     }
     robot = {"urdf": "example:two_link", "tool_frame": "hand"}
     goal = {"position": [0.5, 0.1, 0], "tolerance": 0.01}

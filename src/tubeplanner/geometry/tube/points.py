@@ -86,14 +86,14 @@ class DistinctPoints:
 
 
 def distinct_points(
-    points: FloatArray, asked: Sequence[object], turn: FloatArray | None
+    points: FloatArray, asked: Sequence[object], angles: FloatArray | None
 ) -> DistinctPoints:
     """Return the points that are apart from their predecessors.
 
     Args:
         points: Reference points, shape (m+1, 3) [m].
         asked: Conditions of each of m segments, to be compared.
-        turn: Rotation of the reference orientation in each segment, shape (m,) [rad]; None: it is
+        angles: Rotation of the reference orientation in each segment, shape (m,) [rad]; None: it is
             free.
 
     Raises:
@@ -112,12 +112,12 @@ def distinct_points(
     remaining = np.array(rows)
     dropped = np.setdiff1d(np.arange(len(points)), remaining)
     for k in dropped.tolist():
-        _require_nothing_lost(k, remaining[1:] - 1, asked, turn)
+        _require_nothing_lost(k, remaining[1:] - 1, asked, angles)
     return DistinctPoints(remaining, remaining[1:] - 1, dropped)
 
 
 def _require_nothing_lost(
-    point: int, segments: IntArray, asked: Sequence[object], turn: FloatArray | None
+    point: int, segments: IntArray, asked: Sequence[object], angles: FloatArray | None
 ) -> None:
     """Raise ProblemError if only the segment to a dropped point has its conditions."""
     lost = point - 1
@@ -131,9 +131,9 @@ def _require_nothing_lost(
             f"tolerances or speed are those of neither segment beside it ({neighbours}): "
             "remove one of the points, or give them what a neighbour has"
         )
-    if turn is not None and turn[lost] > _SAME_ORIENTATION:
+    if angles is not None and angles[lost] > _SAME_ORIENTATION:
         raise ProblemError(
-            f"{same}, but tube.orientations turn by {turn[lost]:.3g} rad between them: a tool "
+            f"{same}, but tube.orientations turn by {angles[lost]:.3g} rad between them: a tool "
             "cannot turn on the spot here; move one of the points, or give both one orientation"
         )
 
@@ -217,14 +217,14 @@ def compulsory_points(points: FloatArray, radius: FloatArray, rule: str) -> IntA
     if rule == "none":
         return inner[:0]
     close = np.append(0.0, _CLOSE * passing_radius(radius))
-    back = [k for k in inner.tolist() if turn_at(points, k, close[k]) > _TURNS_BACK]
+    back = [k for k in inner.tolist() if angle_at(points, k, close[k]) > _TURNS_BACK]
     # Close points one after the other are a single corner: its sharpest point counts.
     steps = np.append(0.0, np.linalg.norm(np.diff(points, axis=0), axis=1))
     starts = [k for k in back if k - 1 not in back or steps[k] > close[k]]
     corners = [
         [k for k in back if begin <= k < end] for begin, end in pairwise([*starts, len(points)])
     ]
-    sharpest = [max(corner, key=lambda k: turn_at(points, k, 0.0)) for corner in corners]
+    sharpest = [max(corner, key=lambda k: angle_at(points, k, 0.0)) for corner in corners]
     return np.array(sharpest, dtype=np.int64)
 
 
@@ -233,7 +233,7 @@ def passing_radius(radius: FloatArray) -> FloatArray:
     return np.minimum(radius[:-1], radius[1:])
 
 
-def turn_at(points: FloatArray, k: int, close: float) -> float:
+def angle_at(points: FloatArray, k: int, close: float) -> float:
     """Return the turn of a path at inner point k [rad], from 0 to pi.
 
     Args:

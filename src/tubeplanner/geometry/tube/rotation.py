@@ -38,14 +38,15 @@ class RotationalTube:
 
     Attributes:
         begin: Orientation at the start of each segment, shape (m, 3, 3).
-        turn: Rotation vector from start to end, in the frame of `begin`, shape (m, 3) [rad].
+        rotation_change: Rotation vector from start to end, in the frame of `begin`, shape (m, 3)
+            [rad].
         bounds: On |x|, |y|, |z| of the rotation vector and on its length, the angle; infinite where
             free, shape (m, 4) [rad].
         points: Reference points, shape (m+1, 3) [m].
     """
 
     begin: FloatArray
-    turn: FloatArray
+    rotation_change: FloatArray
     bounds: FloatArray
     points: FloatArray
 
@@ -57,7 +58,7 @@ class RotationalTube:
     @property
     def angles(self) -> FloatArray:
         """Angles by which the reference turns in each segment, shape (m,) [rad]."""
-        return np.linalg.norm(self.turn, axis=1)
+        return np.linalg.norm(self.rotation_change, axis=1)
 
     def projection(self, tool: FloatArray, segment: Segment) -> FloatArray:
         """Return the parameter u of the point on a segment's line nearest to tools (N, 3): (N,).
@@ -74,7 +75,9 @@ class RotationalTube:
 
     def reference_at(self, fraction: FloatArray, segment: Segment) -> FloatArray:
         """Return the reference orientation at fractions (N,) of a segment, shape (N, 3, 3)."""
-        return self.begin[segment] @ rotation_matrix(fraction[:, None] * self.turn[segment])
+        return self.begin[segment] @ rotation_matrix(
+            fraction[:, None] * self.rotation_change[segment]
+        )
 
     def error(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
         """Return log(R_ref^T R), in the frame of the reference, shape (N, 3) [rad].
@@ -112,9 +115,11 @@ class RotationalTube:
         axis = self.points[1:][segment] - self.points[:-1][segment]
         gradient = moves * axis / np.sum(axis**2, axis=-1, keepdims=True)
         fraction_rate = np.einsum("ni,nij->nj", gradient, jacobian[:, :3])
-        turn = np.einsum("nji,nj->ni", relative, np.broadcast_to(self.turn[segment], tool.shape))
+        rotation_change = np.einsum(
+            "nji,nj->ni", relative, np.broadcast_to(self.rotation_change[segment], tool.shape)
+        )
         spin = rotation.transpose(0, 2, 1) @ jacobian[:, 3:]
-        spin -= turn[:, :, None] * fraction_rate[:, None]
+        spin -= rotation_change[:, :, None] * fraction_rate[:, None]
         return error, inverse_right_jacobian(error) @ spin
 
     def margin(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
@@ -147,8 +152,8 @@ def rotational_tube(
         ProblemError: Neighbouring orientations are 180 degrees apart.
     """
     matrices = matrix_of_quaternion(orientations)
-    turn = rotation_vector(matrices[:-1].transpose(0, 2, 1) @ matrices[1:])
-    for k, angle in enumerate(np.linalg.norm(turn, axis=1)):
+    rotation_change = rotation_vector(matrices[:-1].transpose(0, 2, 1) @ matrices[1:])
+    for k, angle in enumerate(np.linalg.norm(rotation_change, axis=1)):
         if angle > np.pi - _HALF_TURN_TOLERANCE:
             raise ProblemError(
                 f"tube.orientations: from point {k} to {k + 1} the tool turns by 180 degrees, so "
@@ -160,7 +165,9 @@ def rotational_tube(
             bounds[k, :3] = bound
         else:
             bounds[k, 3] = bound
-    return RotationalTube(read_only(matrices[:-1]), read_only(turn), read_only(bounds), points)
+    return RotationalTube(
+        read_only(matrices[:-1]), read_only(rotation_change), read_only(bounds), points
+    )
 
 
 def given_rotation(

@@ -178,8 +178,8 @@ class Tube:
         )
         conditions = _conditions(ranges, bounds, speeds, sections, distances)
         by_segment = list(zip(radii.tolist(), conditions, strict=True))
-        turn = None if rotation is None else rotation.angles
-        distinct = distinct_points(corners, by_segment, turn)
+        whole = None if rotation is None else rotation.angles
+        distinct = distinct_points(corners, by_segment, whole)
         if len(distinct.dropped):
             less = self.with_points(distinct.points, distinct.segments)
             values = {field.name: getattr(less, field.name) for field in fields(self)}
@@ -435,13 +435,13 @@ def _require_named(key: str, value: object, known: Sequence[str]) -> None:
         raise ProblemError(f"tube.{key}: {unknown_name('value', value, known)}")
 
 
-def narrowed_tube(tube: Tube, by: FloatArray, turned: FloatArray) -> Tube:
+def narrowed_tube(tube: Tube, by: FloatArray, by_angle: FloatArray) -> Tube:
     """Return a tube whose every tool position is inside another tube by some distances.
 
     Args:
         tube: The other tube.
         by: Subtracted from radii, and from boxes at every side, shape (m,) [m].
-        turned: Subtracted from rotation tolerances, shape (m,) [rad].
+        by_angle: Subtracted from rotation tolerances, shape (m,) [rad].
 
     Raises:
         ProblemError: A radius or a tolerance would not stay positive.
@@ -449,7 +449,7 @@ def narrowed_tube(tube: Tube, by: FloatArray, turned: FloatArray) -> Tube:
     tolerance, sections = tube.rotation_tolerance, tube.cross_section
     if tolerance is not None:
         bounds: list[RotationBound] = []
-        for bound, angle in zip(tolerance, turned.tolist(), strict=False):
+        for bound, angle in zip(tolerance, by_angle.tolist(), strict=False):
             if isinstance(bound, int | float):
                 bounds.append(bound - angle)
             else:
@@ -509,10 +509,10 @@ def _are_one(tube: Tube, first: int, last: int) -> bool:
     # A point may be off the line, or behind its predecessor.
     if not (off.max() <= _ON_LINE and (np.diff(fractions) > 0).all()):
         return False
-    return tube.rotation is None or _turns_evenly(tube.rotation, first, last, fractions)
+    return tube.rotation is None or _rotates_evenly(tube.rotation, first, last, fractions)
 
 
-def _turns_evenly(rotation: RotationalTube, first: int, last: int, fractions: FloatArray) -> bool:
+def _rotates_evenly(rotation: RotationalTube, first: int, last: int, fractions: FloatArray) -> bool:
     """Return True if segments turn at the same rate about the same axis.
 
     Args:
@@ -522,10 +522,10 @@ def _turns_evenly(rotation: RotationalTube, first: int, last: int, fractions: Fl
         fractions: Of the points from the start of the first to the end of the last, shape (P,).
     """
     part = slice(first, last + 1)
-    if np.linalg.norm(rotation.turn[part], axis=1).sum() >= _HALF_TURN:
+    if np.linalg.norm(rotation.rotation_change[part], axis=1).sum() >= _HALF_TURN:
         return False
-    end = rotation.begin[last] @ rotation_matrix(rotation.turn[last])
-    turn = rotation_vector(rotation.begin[first].T @ end)
-    even = rotation.begin[first] @ rotation_matrix(fractions[:-1, None] * turn)
+    end = rotation.begin[last] @ rotation_matrix(rotation.rotation_change[last])
+    whole = rotation_vector(rotation.begin[first].T @ end)
+    even = rotation.begin[first] @ rotation_matrix(fractions[:-1, None] * whole)
     off = rotation_vector(even.transpose(0, 2, 1) @ rotation.begin[part])
     return bool(np.linalg.norm(off, axis=1).max() <= _ON_LINE)

@@ -71,7 +71,7 @@ def tube_parts(tube: Tube, joint_names: Sequence[str]) -> list[object]:
     parts: list[object] = [tube.points, tube.radius, tube.visit]
     parts += [tube.tool_radius, *tube.ranges_of(joint_names)]
     if tube.rotation is not None:
-        parts += [tube.rotation.begin, tube.rotation.turn, tube.rotation.bounds]
+        parts += [tube.rotation.begin, tube.rotation.rotation_change, tube.rotation.bounds]
     # Only with another value than the default, so that files without a new field keep their hash.
     for field in dataclasses.fields(tube):
         value = getattr(tube, field.name)

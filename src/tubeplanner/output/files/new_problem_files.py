@@ -293,10 +293,10 @@ def taught_problem(
         + ", about the trail's orientations" * (key == "rotation_tolerance")
         for key, value in kept.items()
     ]
-    is_turned = "rotation_tolerance" in kept
-    known = (*kept, *["orientations"] * is_turned)
+    has_rotation = "rotation_tolerance" in kept
+    known = (*kept, *["orientations"] * has_rotation)
     notes += notes_on_dropped(cell.replaced, known, "reference points and ends are the trail's")
-    if is_turned:
+    if has_rotation:
         kept["orientations"] = quaternion_of_matrix(robot.tool_pose(trail[[0, -1]])[0])
     problem = problem.with_tube(replace(problem.tube, **kept))
     return problem, trail, trajectory.duration, (*read.remarks, *notes)

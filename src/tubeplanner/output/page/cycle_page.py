@@ -40,7 +40,7 @@ from tubeplanner.output.page.problem_scene import (
     swept_item,
     swept_surface,
     tool_items,
-    turned_tool,
+    tool_orientation,
 )
 from tubeplanner.output.page.scene import (
     Item,
@@ -228,7 +228,9 @@ def build_cycle_scene(
     for i, each in enumerate(arms):
         items += drawing.items(i)
         own = sections[i] if sections else ()
-        arms[i], orientation = turned_tool(i, robot, drawing.tubes, own, each, drawing.thickness)
+        arms[i], orientation = tool_orientation(
+            i, robot, drawing.tubes, own, each, drawing.thickness
+        )
         items += orientation
     return CycleScene(
         name=cycle.name,

@@ -125,7 +125,7 @@ def build_scene(
     items: list[Item] = []
     for i, each in enumerate(arms):
         own = sections[i] if sections else ()
-        arms[i], orientation = turned_tool(i, robot, [problem.tube], own, each, thickness)
+        arms[i], orientation = tool_orientation(i, robot, [problem.tube], own, each, thickness)
         items += arm_items(i, parts)
         items += carried_items(i, () if each.name in empty_handed else carried)
         items += _surroundings(i, problem, tube, thickness)
@@ -302,7 +302,7 @@ class RotationCone:  # a `MovingBody`
     present: BoolArray
 
 
-def turned_tool(
+def tool_orientation(
     i: int,
     robot: RobotModel,
     tubes: Sequence[Tube],
@@ -425,9 +425,9 @@ def cone_rim(bounds: FloatArray, axis: int) -> FloatArray:
     turns the direction of the tilt by half that component. So rotation vectors with many
     components along the axis are tried, and in each direction the farthest tilt counts.
     """
-    turn = np.linspace(0, 2 * np.pi, _TRIED_WAYS, endpoint=False)
+    azimuth = np.linspace(0, 2 * np.pi, _TRIED_WAYS, endpoint=False)
     along = min(bounds[axis], bounds[3], np.pi) * np.linspace(-1, 1, _TRIED_TURNS)
-    tilt_directions = np.column_stack([np.cos(turn), np.sin(turn)])
+    tilt_directions = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     across = bounds[:3][[axis - 2, axis - 1]]
     with np.errstate(divide="ignore"):
         farthest = (across / abs(tilt_directions)).min(axis=1)[:, None]

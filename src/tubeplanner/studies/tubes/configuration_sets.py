@@ -68,13 +68,13 @@ class ConfigurationSet:
         fraction = np.clip(rng.uniform(-beyond, 1 + beyond, count), 0.0, 1.0)[:, None]
         line = (1 - fraction) * begin + fraction * end
         targets = line + _WITHIN * self.radius * _in_ball(count, rng)
-        bounds, turns = self._turn_bounds, None
+        bounds, rotations = self._rotation_bounds, None
         if bounds is not None and np.isfinite(bounds[3]):
-            turns = _WITHIN * bounds[3] * _in_ball(count, rng)
+            rotations = _WITHIN * bounds[3] * _in_ball(count, rng)
         elif bounds is not None:
             finite = np.where(np.isfinite(bounds[:3]), bounds[:3], 0.0)
-            turns = _WITHIN * finite * rng.uniform(-1, 1, (count, 3))
-        q = self._moved(q, targets, turns)
+            rotations = _WITHIN * finite * rng.uniform(-1, 1, (count, 3))
+        q = self._moved(q, targets, rotations)
         return q[self.contains(q)]
 
     def back_inside(self, q: FloatArray) -> FloatArray:
@@ -84,16 +84,16 @@ class ConfigurationSet:
         nearest = self.problem.tube.nearest(tool, self._alone)[:, 0]
         distance = np.linalg.norm(tool - nearest, axis=1, keepdims=True)
         fraction = np.minimum(1.0, _WITHIN * self.radius / np.maximum(distance, _INSIDE))
-        turns, tube, bounds = None, self.problem.tube.rotation, self._turn_bounds
+        rotations, tube, bounds = None, self.problem.tube.rotation, self._rotation_bounds
         if tube is not None and bounds is not None:
-            turns = tube.error(rotation, tool, self.segment)
-            turns = np.clip(turns, -_WITHIN * bounds[:3], _WITHIN * bounds[:3])
-            angle = np.maximum(np.linalg.norm(turns, axis=1, keepdims=True), _INSIDE)
-            turns = turns * np.minimum(1.0, _WITHIN * bounds[3] / angle)
-        return self._moved(q, nearest + fraction * (tool - nearest), turns, near=0.0)
+            rotations = tube.error(rotation, tool, self.segment)
+            rotations = np.clip(rotations, -_WITHIN * bounds[:3], _WITHIN * bounds[:3])
+            angle = np.maximum(np.linalg.norm(rotations, axis=1, keepdims=True), _INSIDE)
+            rotations = rotations * np.minimum(1.0, _WITHIN * bounds[3] / angle)
+        return self._moved(q, nearest + fraction * (tool - nearest), rotations, near=0.0)
 
     def _moved(
-        self, q: FloatArray, targets: FloatArray, turns: FloatArray | None, near: float = 1.0
+        self, q: FloatArray, targets: FloatArray, rotations: FloatArray | None, near: float = 1.0
     ) -> FloatArray:
         """Return `moved_tools` of configurations (N, n) within the bounds of the set.
 
@@ -101,14 +101,18 @@ class ConfigurationSet:
         [rad], or any rotation; `near` is the tolerance as a fraction of that for samples.
         """
         close = near * np.array([_NEAR_FRACTION * self.radius, _NEAR_TURN]) + _INSIDE
-        target, tube, bounds = WantedTools(targets), self.problem.tube.rotation, self._turn_bounds
-        if tube is not None and bounds is not None and turns is not None:
+        target, tube, bounds = (
+            WantedTools(targets),
+            self.problem.tube.rotation,
+            self._rotation_bounds,
+        )
+        if tube is not None and bounds is not None and rotations is not None:
             counts = np.isfinite(bounds[:3]) | np.isfinite(bounds[3])
-            target = WantedTools(targets, tube.reference(targets, self.segment), turns, counts)
+            target = WantedTools(targets, tube.reference(targets, self.segment), rotations, counts)
         return moved_tools(self.problem.robot, q, (self.lower, self.upper), target, close)
 
     @property
-    def _turn_bounds(self) -> FloatArray | None:
+    def _rotation_bounds(self) -> FloatArray | None:
         """Bounds on components and length of the rotation vector, (4,) [rad]; None if free."""
         tube = self.problem.tube.rotation
         if tube is None or not np.isfinite(tube.bounds[self.segment]).any():

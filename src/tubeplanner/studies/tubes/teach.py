@@ -80,15 +80,15 @@ def teach(
     clock.enter("corners of the trail")
     moving = moving_part(trail)
     pauses = len(trail) - len(moving)
-    moving, turns = without_ways_back(problem.robot, moving, options.deviation)
+    moving, detours = without_ways_back(problem.robot, moving, options.deviation)
     notes = [
         f"removed: {pauses} of {len(trail)} samples, in which no joint moved by "
         f"{MIN_MOVE:g} rad or m since the one before: pauses and noise"
     ] * (pauses > 0)
     notes += [
-        f"removed: a detour out and back that turned at {np.round(turn, 3).tolist()} m "
+        f"removed: a detour out and back that turned at {np.round(detour, 3).tolist()} m "
         "(no tube can ask for it; record two trails to have the tool go there)"
-        for turn in turns
+        for detour in detours
     ]
     how = measure_options(options.max_radius, options.samples, options.seed)
     measured: PlannedTube | None = None
@@ -266,7 +266,7 @@ def without_ways_back(
     Raises:
         TrajectoryError: The whole trail goes out and back, or its tool does not move.
     """
-    turns: list[FloatArray] = []
+    detours: list[FloatArray] = []
     joint = -1  # where the last removed detour was
     while True:
         tool = robot.tool_position(q)
@@ -281,7 +281,7 @@ def without_ways_back(
             )
         if not i <= joint <= j:  # otherwise it is the rest of the same detour
             away = np.linalg.norm(tool[i : j + 1] - tool[i], axis=1)
-            turns.append(tool[i + int(away.argmax())])
+            detours.append(tool[i + int(away.argmax())])
         joint = i
         # The ends of the trail stay as they are.
         q = np.vstack([q[:i], q[j:]]) if i > 0 else np.vstack([q[:1], q[j + 1 :]])
@@ -290,7 +290,7 @@ def without_ways_back(
         raise TrajectoryError(
             f"the tool moves by {travel:.2g} m only; a tube needs reference points that are apart"
         )
-    return q, turns
+    return q, detours
 
 
 def _detour(q: FloatArray, tool: FloatArray, deviation: float) -> tuple[int, int] | None:

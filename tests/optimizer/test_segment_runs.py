@@ -9,7 +9,7 @@ import pytest
 
 from tubeplanner import Tube
 from tubeplanner.optimizer.phased_spline import KnotGrid
-from tubeplanner.optimizer.segment_chains import (
+from tubeplanner.optimizer.segment_runs import (
     OrderedSegments,
     largest_kink,
     ordered_choice,
@@ -50,10 +50,10 @@ def test_a_circle_of_many_chords_is_one_chain(count, radius, noise):
 
 
 def test_a_sharp_corner_between_short_segments_ends_a_chain():
-    points, chains = right_angle(16), (range(16), range(16, 32))
-    assert chains_of(points) == chains
+    points, runs = right_angle(16), (range(16), range(16, 32))
+    assert chains_of(points) == runs
     assert sharpest_bend(Tube(points, 0.01)) == pytest.approx(np.pi / 2)
-    assert sharpest_bend(Tube(points, 0.01), chains) == pytest.approx(0.0, abs=1e-9)
+    assert sharpest_bend(Tube(points, 0.01), runs) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_of_many_corners_the_sharpest_end_a_phase():
@@ -129,13 +129,13 @@ def chained(tube, knots, is_asked=None):
     grid = KnotGrid((np.linspace(0, 1, knots),), (range(count),))
     samples = grid.samples(np.arange(3) / 3).and_also(grid.phase_ends())
     radius = tube.effective_radius
-    return OrderedSegments(tube.points, radius, grid.chains, samples, is_asked), samples.fraction
+    return OrderedSegments(tube.points, radius, grid.runs, samples, is_asked), samples.fraction
 
 
 def test_a_closed_path_begins_in_its_first_segment_and_ends_in_its_last():
     """Its samples may come in any order."""
     segments, fraction = chained(Tube(circle(100), 0.01), 41)
-    assert segments.in_chain.all()
+    assert segments.in_run.all()
     # The tool hurries ahead of the middle of every chord and strays over the seam at both ends.
     hurried = fraction + 0.004 * np.sin(2 * np.pi * fraction - 0.5)
     number = segments.at(on_circle(hurried))
@@ -154,11 +154,11 @@ def test_phases_of_one_segment_keep_it_wherever_the_tool_is():
     tube = Tube(circle(6), 0.01)
     grid = KnotGrid((np.linspace(0, 1, 4),) * 3, (range(1), range(1, 5), range(5, 6)))
     samples = grid.samples(np.arange(3) / 3)
-    segments = OrderedSegments(tube.points, tube.radius, grid.chains, samples)
+    segments = OrderedSegments(tube.points, tube.radius, grid.runs, samples)
     number = segments.at(np.zeros((len(samples.phase), 3)))
     assert set(number[samples.phase == 0]) == {0}
     assert set(number[samples.phase == 2]) == {5}
-    np.testing.assert_array_equal(segments.in_chain, samples.phase == 1)
+    np.testing.assert_array_equal(segments.in_run, samples.phase == 1)
     assert number[samples.phase == 1][[0, -1]].tolist() == [1, 4]
 
 
@@ -214,6 +214,6 @@ def test_of_several_that_are_asked_for_the_farthest_comes_first(asked, given):
     grid = KnotGrid((np.array([0.0, 1.0]),), (range(6),))
     samples = grid.samples(np.array([0.0, 0.5, 1.0]))
     is_asked = np.isin(np.arange(6), asked)
-    segments = OrderedSegments(points, np.full(6, 100.0), grid.chains, samples, is_asked)
+    segments = OrderedSegments(points, np.full(6, 100.0), grid.runs, samples, is_asked)
     tool = np.array([[0.0, 0, 0], [1, 0, 0], [6, 0, 0]])
     assert segments.at(tool).tolist() == [0, given, 5]

@@ -33,7 +33,7 @@ _WINDOW = 3.0
 def tube_chains(problem: PlanningProblem) -> tuple[range, ...]:
     """Return the segments of every phase, in order, all of the tube's."""
     tube = problem.tube
-    kinks = _kinks(tube, _spacing(tube), np.minimum(_turns(tube), smoothed_turns(tube)))
+    kinks = _kinks(tube, _spacing(tube), np.minimum(_turns(tube), smoothed_angles(tube)))
     is_end = kinks >= (_KINK if len(kinks) > _MANY_CORNERS else 0.0)
     if is_end.sum() > _MANY_CORNERS:
         is_end = kinks >= _SHARP_KINK
@@ -45,7 +45,7 @@ def tube_chains(problem: PlanningProblem) -> tuple[range, ...]:
     return tuple(range(begin, end) for begin, end in pairwise(bounds))
 
 
-def largest_kink(tube: Tube, chains: tuple[range, ...], spacing: float) -> float:
+def largest_kink(tube: Tube, runs: tuple[range, ...], spacing: float) -> float:
     """Return the largest distance outside chains between samples inside, in radii.
 
     On the inner side of a corner the tool is farthest from both legs where it passes from one to
@@ -53,15 +53,15 @@ def largest_kink(tube: Tube, chains: tuple[range, ...], spacing: float) -> float
 
     Args:
         tube: The tube.
-        chains: The segments of every phase.
+        runs: The segments of every phase.
         spacing: Of the samples along the path [m].
     """
     inner = np.ones(tube.segment_count - 1, dtype=bool)
-    inner[[chain.stop - 1 for chain in chains[:-1]]] = False
+    inner[[run.stop - 1 for run in runs[:-1]]] = False
     return float(_kinks(tube, spacing, _turns(tube))[inner].max(initial=0.0))
 
 
-def sharpest_bend(tube: Tube, chains: tuple[range, ...] = ()) -> float:
+def sharpest_bend(tube: Tube, runs: tuple[range, ...] = ()) -> float:
     """Return the largest turn of a path over the length of a radius [rad].
 
     Turns in opposite directions add up: the result is the inverse of the radius of curvature, in
@@ -69,10 +69,10 @@ def sharpest_bend(tube: Tube, chains: tuple[range, ...] = ()) -> float:
 
     Args:
         tube: The tube.
-        chains: The segments of every phase, if only turns within them count.
+        runs: The segments of every phase, if only turns within them count.
     """
     turns = _turns(tube)
-    turns[[chain.stop - 1 for chain in chains[:-1]]] = 0.0
+    turns[[run.stop - 1 for run in runs[:-1]]] = 0.0
     so_far = np.concatenate([[0.0], np.cumsum(turns)])
     along, radius = arc_lengths(tube.points)[1:-1], tube.effective_radius
     half = np.minimum(radius[:-1], radius[1:]) / 2
@@ -81,7 +81,7 @@ def sharpest_bend(tube: Tube, chains: tuple[range, ...] = ()) -> float:
     return float((so_far[last] - so_far[first]).max(initial=0.0))
 
 
-def smoothed_turns(tube: Tube) -> FloatArray:
+def smoothed_angles(tube: Tube) -> FloatArray:
     """Return the angles by which the path turns over some radii, shape (m-1,) [rad]."""
     points, along = tube.points, arc_lengths(tube.points)
     radius = tube.effective_radius
@@ -145,7 +145,7 @@ class OrderedSegments:
     Attributes:
         points: Reference points, shape (m+1, 3) [m].
         radius: Of the segments, shape (m,) [m].
-        chains: The segments of every phase.
+        runs: The segments of every phase.
         samples: The samples, in any order.
         is_asked: Whether a segment gets a sample wherever the tool is, shape (m,): the segments
             that it missed at denser samples. None: no segment.
@@ -153,36 +153,36 @@ class OrderedSegments:
 
     points: FloatArray
     radius: FloatArray
-    chains: tuple[range, ...]
+    runs: tuple[range, ...]
     samples: Samples
     is_asked: BoolArray | None = None
 
     @cached_property
-    def in_chain(self) -> BoolArray:
+    def in_run(self) -> BoolArray:
         """True for samples whose phase has several segments, shape (N,)."""
-        several = np.array([len(chain) > 1 for chain in self.chains])
-        in_chain: BoolArray = several[self.samples.phase]
-        return in_chain
+        several = np.array([len(run) > 1 for run in self.runs])
+        in_run: BoolArray = several[self.samples.phase]
+        return in_run
 
     def at(self, tool: FloatArray) -> IntArray:
         """Return the samples' segments with the tool at (N, 3), shape (N,)."""
-        segment = np.array([chain.start for chain in self.chains])[self.samples.phase]
-        for chain, members in self._members:
-            segment[members] += self._passage(tool, chain, members).segments()
+        segment = np.array([run.start for run in self.runs])[self.samples.phase]
+        for run, members in self._members:
+            segment[members] += self._passage(tool, run, members).segments()
         return segment
 
     def missed(self, tool: FloatArray) -> BoolArray:
         """Return True for segments of chains with no sample inside, the tool at (N, 3); (m,)."""
         missed = np.zeros(len(self.radius), dtype=bool)
-        for chain, members in self._members:
-            missed[chain.start : chain.stop] = self._passage(tool, chain, members).missed()
+        for run, members in self._members:
+            missed[run.start : run.stop] = self._passage(tool, run, members).missed()
         return missed
 
-    def _passage(self, tool: FloatArray, chain: range, members: IntArray) -> "_Passage":
-        own, is_asked = slice(chain.start, chain.stop), np.zeros(len(chain), dtype=bool)
+    def _passage(self, tool: FloatArray, run: range, members: IntArray) -> "_Passage":
+        own, is_asked = slice(run.start, run.stop), np.zeros(len(run), dtype=bool)
         if self.is_asked is not None:
             is_asked = self.is_asked[own]
-        points = self.points[chain.start : chain.stop + 1]
+        points = self.points[run.start : run.stop + 1]
         return _Passage(tool[members], points, self.radius[own], is_asked)
 
     @cached_property
@@ -191,9 +191,9 @@ class OrderedSegments:
         order = np.lexsort((self.samples.fraction, self.samples.phase))
         phase = self.samples.phase[order]
         return [
-            (chain, order[slice(*np.searchsorted(phase, [k, k + 1]))])
-            for k, chain in enumerate(self.chains)
-            if len(chain) > 1
+            (run, order[slice(*np.searchsorted(phase, [k, k + 1]))])
+            for k, run in enumerate(self.runs)
+            if len(run) > 1
         ]
 
 
