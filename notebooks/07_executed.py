@@ -107,7 +107,7 @@ print(f"{shortest.duration:.4f} s -> {robust.duration:.4f} s")
 print("the model, for all t:", "certified" if robust.certificate.passed else "fails")
 print(survival.seen)
 for part, cost in survival.costs.items():
-    print(f"   {part}: {np.round(getattr(survival.kept_back, part), 4)}, {1000 * cost:.1f} ms")
+    print(f"   {part}: {np.round(getattr(survival.tightening, part), 4)}, {1000 * cost:.1f} ms")
 
 # %%
 execution, judged = run(robust.trajectory)

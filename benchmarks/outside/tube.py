@@ -288,7 +288,7 @@ def _on_best_visits(
     choose = ordered_visits if tube.is_ordered else union_visits
     margins, found = margins_at(samples), dict.fromkeys(CONDITIONS, Least())
     for _ in range(MAX_LOOKS_BETWEEN):
-        samples, margins = _settled(choose, samples, margins, margins_at)
+        samples, margins = _confirmed(choose, samples, margins, margins_at)
         rows, segments = choose(margins.least)
         visits, found = Visits(samples, rows, segments), _least_on(margins, samples, rows, segments)
         between = _between(samples, rows, segments, margins, margins_at)
@@ -302,7 +302,7 @@ def _on_best_visits(
     return found, visits
 
 
-def _settled(
+def _confirmed(
     choose: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     samples: Samples,
     margins: "_Margins",

@@ -13,7 +13,7 @@ from tubeplanner.execution.plants import Draw
 from tubeplanner.optimizer.stages import Sensitivity
 from tubeplanner.outcome import PlanStatus
 from tubeplanner.planning import robust_plan
-from tubeplanner.planning import surviving_plans as kept_back
+from tubeplanner.planning import surviving_plans as tightening
 from tubeplanner.planning.tightening import Tightening
 
 NAME = "example:two_link/paper_2_10mm"
@@ -25,10 +25,10 @@ QUIET = Robustness.exact(noise=1e-6)  # errors that every plan survives
 def few_arms():
     """Fewer arms than a plan for a user is tried with."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (kept_back, robust_plan):
+        for module in (tightening, robust_plan):
             patch.setattr(module, "WORKING", Draw(3, 0))
-        patch.setattr(kept_back, "FEWER", Draw(2, 0))
-        patch.setattr(kept_back, "MANY", Draw(4, 0))
+        patch.setattr(tightening, "FEWER", Draw(2, 0))
+        patch.setattr(tightening, "MANY", Draw(4, 0))
         patch.setattr(robust_plan, "_FRESH", (Draw(10, 1), Draw(10, 2)))
         patch.setattr(blamed_errors, "_DRAW", Draw(4, 0))
         yield
@@ -50,7 +50,7 @@ def test_what_is_kept_back_makes_runs_survive_and_has_its_price(usual):
     problem, robust, default = usual
     certificate = verify(replace(problem, robustness=None), robust.trajectory)
     survival = robust.survival
-    kept = survival.kept_back
+    kept = survival.tightening
     assert robust.succeeded and certificate.passed
     assert 0.5 < kept.effort < 1
     assert certificate.conditions["effort"].margin == pytest.approx(1 - kept.effort, abs=1e-3)
@@ -72,7 +72,7 @@ def test_what_is_kept_back_makes_runs_survive_and_has_its_price(usual):
 def tried_with(problem, radius, *prices, **parts):
     """Return what stands for a plan with so much of a radius kept back, and its prices."""
     kept = replace(Tightening.nothing(problem), radius=np.array([radius]), **parts)
-    return SimpleNamespace(kept_back=kept, result=SimpleNamespace(sensitivities=prices))
+    return SimpleNamespace(tightening=kept, result=SimpleNamespace(sensitivities=prices))
 
 
 def test_prices_are_those_of_whole_limits():
@@ -108,7 +108,7 @@ def test_a_plan_that_survives_by_itself_is_left_as_it_is():
     survival = robust.survival
     assert survival.reached and survival.verdict.failed == 0
     assert (survival.costs, survival.verdict_without) == ({}, None)
-    assert not any(survival.kept_back.has(part) for part in ("effort", "radius", "clearance"))
+    assert not any(survival.tightening.has(part) for part in ("effort", "radius", "clearance"))
 
 
 @pytest.mark.slow  # plans and simulates many tightened problems
@@ -177,7 +177,7 @@ def test_stopped_before_many_arms_have_run_it_ends_with_what_survived_few():
     survival = found.survival
     assert found.stopped_by == "interrupt"
     assert (survival.reached, survival.verdict) == (True, None)
-    assert survival.kept_back.has("effort")
+    assert survival.tightening.has("effort")
     assert verify(problem, found.trajectory).passed
 
 

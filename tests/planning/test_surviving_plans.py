@@ -14,14 +14,14 @@ from tubeplanner.execution.plants import Draw
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.optimizer.stages import Sensitivity
 from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, TimeLimitReached
-from tubeplanner.planning import surviving_plans as kept_back
 from tubeplanner.planning import surviving_plans as tightened_plans
+from tubeplanner.planning import surviving_plans as tightening
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.surviving_plans import (
     MANY,
     WORKING,
+    Candidate,
     TightenedPlans,
-    TriedPlan,
     safer_plan,
     surviving_plan,
 )
@@ -279,7 +279,7 @@ def test_planning_that_was_stopped_stops_the_search(problem, by, error):
 # The search for what to keep back, held against plans whose durations and runs are formulas.
 
 RADIUS = 0.01  # [m]
-FRACTIONS = np.array(kept_back._EFFORTS)
+FRACTIONS = np.array(tightening._EFFORTS)
 
 
 @dataclass
@@ -341,8 +341,8 @@ class Formulas:
         seen = self.seen if draw.runs >= WORKING.runs else 2 * self.seen
         failed = int(np.ceil(np.clip((short - seen) / RADIUS, 0, 1) * draw.runs))
         price = self.price + 2 * self.curvature * float(kept.radius[0])
-        tried = TriedPlan(
-            kept_back=kept,
+        tried = Candidate(
+            tightening=kept,
             result=result,
             verdict=RunVerdict(draw.runs, failed, {"tube": failed}, None, 0.0),
             shortfall=None,
@@ -378,7 +378,7 @@ def test_the_share_of_effort_is_that_of_the_least_expected_duration(best):
     plans = Formulas(slower, price=price, enough_effort=best - beyond, by_effort=by_effort, slack=1)
     found = plans.answer()
     assert found.survives
-    assert found.kept_back.effort == FRACTIONS[abs(FRACTIONS - best).argmin()]
+    assert found.tightening.effort == FRACTIONS[abs(FRACTIONS - best).argmin()]
 
 
 def test_what_is_short_is_taken_and_of_what_is_to_spare_half_is_given_back():
@@ -388,9 +388,9 @@ def test_what_is_short_is_taken_and_of_what_is_to_spare_half_is_given_back():
     first, second = plans.taken
     assert 1e-3 < first < 1.2e-3
     assert second - 1e-3 == pytest.approx((first - 1e-3) / 2)
-    assert found.kept_back.radius[0] == second
+    assert found.tightening.radius[0] == second
     cheap = Formulas(price=4.0)
-    assert cheap.answer().kept_back.radius[0] == cheap.taken[-1]
+    assert cheap.answer().tightening.radius[0] == cheap.taken[-1]
     assert len(cheap.taken) == 1
 
 
@@ -401,7 +401,7 @@ def test_it_is_taken_again_until_no_run_fails():
     assert found.survives
     assert plans.taken == sorted(plans.taken)
     assert len(plans.taken) == 3
-    assert found.kept_back.radius[0] == plans.taken[-1] < 1e-3 / 0.8
+    assert found.tightening.radius[0] == plans.taken[-1] < 1e-3 / 0.8
 
 
 def test_giving_back_too_much_leaves_the_survivor():
@@ -415,7 +415,7 @@ def test_giving_back_too_much_leaves_the_survivor():
     plans = Sudden(price=40.0, slower=5.0)
     found = plans.answer()
     assert [tried.survives for tried in plans.made if tried.verdict.runs == 32] == [True, False]
-    assert found.kept_back.radius[0] == plans.taken[0]
+    assert found.tightening.radius[0] == plans.taken[0]
     assert found is plans.survivors[0]
 
 
@@ -426,7 +426,7 @@ def test_less_effort_is_tried_where_radii_cost_more_than_expected():
     expected = [plans.duration(kept) + plans.price * plans.short(kept) for kept in at]
     found = plans.answer()
     assert found.survives
-    assert found.kept_back.effort < FRACTIONS[int(np.argmin(expected))]
+    assert found.tightening.effort < FRACTIONS[int(np.argmin(expected))]
     assert found.duration == min(tried.duration for tried in plans.survivors)
 
 
@@ -434,7 +434,7 @@ def test_less_effort_is_tried_where_nothing_was_found_with_more():
     """With 3 mm kept back there is no plan: little enough is short with 96 % of the effort."""
     plans = Formulas(by_effort=0.4, enough_effort=0.9, most_radius=3e-3)
     found = plans.answer()
-    assert found.survives and found.kept_back.effort == 0.96
+    assert found.survives and found.tightening.effort == 0.96
     never = Formulas(most_radius=5e-4).answer()
     assert not never.survives
 
@@ -446,8 +446,8 @@ def test_where_nothing_survives_it_is_what_fails_least():
     assert not found.survives
     fraction = [tried.verdict.failed / tried.verdict.runs for tried in plans.made]
     assert found.verdict.failed / found.verdict.runs == min(fraction)
-    assert found.kept_back.effort < 1
-    assert found.kept_back.radius[0] == plans.slack
+    assert found.tightening.effort < 1
+    assert found.tightening.radius[0] == plans.slack
 
 
 def test_no_more_is_taken_than_there_is_room_for():
@@ -455,7 +455,7 @@ def test_no_more_is_taken_than_there_is_room_for():
     plans = Formulas(slack=1.02e-3)
     found = plans.answer()
     assert found.survives
-    assert found.kept_back.radius[0] == plans.slack
+    assert found.tightening.radius[0] == plans.slack
 
 
 def test_what_survives_with_few_arms_is_tried_with_all():
@@ -466,7 +466,7 @@ def test_what_survives_with_few_arms_is_tried_with_all():
     assert few
     assert found.survives
     assert found.verdict.runs >= WORKING.runs
-    assert found.kept_back.radius[0] > 0
+    assert found.tightening.radius[0] > 0
 
 
 def test_of_failing_plans_the_share_counts_not_the_number():
@@ -477,11 +477,11 @@ def test_of_failing_plans_the_share_counts_not_the_number():
         replace(tried, verdict=RunVerdict(*counts, {}, None, 0.0))
         for counts in ((16, 12), (32, 17))
     )
-    assert kept_back._better(few, every) is kept_back._better(every, few) is every
+    assert tightening._better(few, every) is tightening._better(every, few) is every
 
 
 def radii_of_many(plans):
-    return [float(tried.kept_back.radius[0]) for tried in plans.made if tried.verdict.runs == 96]
+    return [float(tried.tightening.radius[0]) for tried in plans.made if tried.verdict.runs == 96]
 
 
 def test_what_many_arms_need_more_is_kept_back_as_well():
@@ -490,7 +490,7 @@ def test_what_many_arms_need_more_is_kept_back_as_well():
     found = plans.answer()
     assert found.survives and found.verdict.runs == MANY.runs
     assert radii_of_many(plans) == pytest.approx([1.1e-3, 1.21e-3])
-    assert found.kept_back.radius[0] == radii_of_many(plans)[-1]
+    assert found.tightening.radius[0] == radii_of_many(plans)[-1]
 
 
 @pytest.mark.parametrize(
@@ -517,8 +517,8 @@ def test_arms_that_failed_afterwards_make_it_safer():
     plans = Formulas(more={FRESH: 2e-4})
     survivor = plans.answer()
     found = safer_plan(plans, survivor, FRESH)
-    assert survivor.kept_back.radius == pytest.approx([1.1e-3])
-    assert found.kept_back.radius == pytest.approx([1.21e-3])
+    assert survivor.tightening.radius == pytest.approx([1.1e-3])
+    assert found.tightening.radius == pytest.approx([1.21e-3])
     assert found.survives and found.verdict.runs == MANY.runs
     assert safer_plan(Formulas(most_radius=1.15e-3, more={FRESH: 2e-4}), survivor, FRESH) is None
     never = Formulas(slack=1.15e-3, more={FRESH: 2e-4, MANY: 2e-3})
@@ -533,12 +533,12 @@ def test_every_part_is_kept_back_by_what_it_lacks_itself():
         now, rotation=none + 0.2, clearance=0.006, position=joints + 0.3, velocity=velocity
     )
     allowed = SimpleNamespace(allowed=lambda asked: asked)
-    found = kept_back._next(allowed, SimpleNamespace(kept_back=now, wanted=wanted))
+    found = tightening._next(allowed, SimpleNamespace(tightening=now, wanted=wanted))
     assert (found.effort, found.radius.tolist()) == (0.9, [0.0])
     assert found.velocity == pytest.approx([0.8 - 1.1 * 0.1, 0.85])
     assert found.rotation == pytest.approx([0.1 + 1.1 * 0.1])
     assert found.clearance == pytest.approx(0.008)
     assert found.position == pytest.approx(1.1 * (joints + 0.3))
-    tried = SimpleNamespace(kept_back=now, wanted=wanted)
-    safer = kept_back._next(allowed, tried, given_back=0.0)
+    tried = SimpleNamespace(tightening=now, wanted=wanted)
+    safer = tightening._next(allowed, tried, given_back=0.0)
     assert (safer.clearance, safer.velocity.tolist()) == (0.01, pytest.approx([0.69, 0.8]))

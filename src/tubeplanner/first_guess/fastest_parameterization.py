@@ -201,7 +201,7 @@ def fastest_parameterization(
     free = [each.without_speed() for each in rows]
     rate = _solved(arc_length, free[: 1 + at_both_ends], most)
     if rate is not None and rows[0].speed.any():
-        rate = _settled(solved, rate, arc_length)
+        rate = _confirmed(solved, rate, arc_length)
     if rate is None:
         return None
     durations = _step_times(arc_length, rate)
@@ -210,7 +210,7 @@ def fastest_parameterization(
     return JointTrajectory(("arc_length",), times, parabolas[:, :, None])
 
 
-def _settled(
+def _confirmed(
     solved: Callable[[FloatArray], FloatArray | None], free: FloatArray, arc_length: FloatArray
 ) -> FloatArray | None:
     """Return the rates (N,) [1/s] of the run that is the fastest for tangents at itself.

@@ -195,7 +195,7 @@ class SegmentWalk:
         Raises:
             Infeasible: Status unreachable: the message says where the walk ends and why.
         """
-        return np.array(self._settled(self._approach()))
+        return np.array(self._confirmed(self._approach()))
 
     def _approach(self) -> list[FloatArray]:
         """Return configurations whose tool goes from the segment's start to its end."""
@@ -219,7 +219,7 @@ class SegmentWalk:
                 step = min(2 * step, self._max_step)
         return walk
 
-    def _settled(self, walk: list[FloatArray]) -> list[FloatArray]:
+    def _confirmed(self, walk: list[FloatArray]) -> list[FloatArray]:
         """Move redundant joints to the bounds or goal at the segment's end, the tool still."""
         for _ in range(_MAX_SETTLING_STEPS):
             q = walk[-1]

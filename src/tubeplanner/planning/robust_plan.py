@@ -20,10 +20,10 @@ from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, un
 from tubeplanner.planning.result import PlanResult, certified_result, refused_result
 from tubeplanner.planning.surviving_plans import (
     WORKING,
+    Candidate,
     Following,
     Planning,
     TightenedPlans,
-    TriedPlan,
     safer_plan,
     surviving_plan,
     tube_sizes,
@@ -99,8 +99,8 @@ class _Search:
         times = [0.0] if problem.endpoints[1].is_open else [0.0, duration]
         ends = default.trajectory.position(np.array(times))
         self._plans = TightenedPlans(problem, again, follow, ends, clock)
-        self._first: TriedPlan | None = None
-        self.best: TriedPlan | None = None
+        self._first: Candidate | None = None
+        self.best: Candidate | None = None
         self._verdict: RunVerdict | None = None
         self._verdict_without: RunVerdict | None = None
         self._costs: dict[str, float] = {}
@@ -162,13 +162,13 @@ class _Search:
     def _split_costs(self, added: float) -> dict[str, float]:
         """Return the cost of each part of the tightening [s], parts added in turn."""
         assert self.best is not None
-        kept_back = self.best.kept_back
-        parts = [part for part in PARTS if kept_back.has(part)]
+        tightening = self.best.tightening
+        parts = [part for part in PARTS if tightening.has(part)]
         durations, motion = [self._shortest.duration or 0.0], self._shortest.motion
         for count in range(1, len(parts)):
-            plan = self._plans.planned(kept_back.only(parts[:count]), motion)
+            plan = self._plans.planned(tightening.only(parts[:count]), motion)
             durations.append(durations[-1] if plan is None else plan.duration or 0.0)
-        last = self._plans.planned(kept_back, motion) if parts else None
+        last = self._plans.planned(tightening, motion) if parts else None
         durations.append(durations[-1] if last is None else last.duration or 0.0)
         steps = np.diff(durations)[: len(parts)]
         whole = float(steps.sum())
@@ -214,7 +214,7 @@ class _Search:
             errors=self._errors,
             verdict=self._verdict,
             reached=self.best.survives,
-            kept_back=self.best.kept_back.of_parts(self._problem.tube),
+            tightening=self.best.tightening.of_parts(self._problem.tube),
             duration_without=self._first.duration,
             verdict_without=self._verdict_without,
             costs=self._costs,
@@ -222,15 +222,15 @@ class _Search:
         )
 
 
-def _of_whole_limits(problem: PlanningProblem, tried: TriedPlan) -> tuple[Sensitivity, ...]:
+def _of_whole_limits(problem: PlanningProblem, tried: Candidate) -> tuple[Sensitivity, ...]:
     """Return the sensitivities of the problem's limits, from a plan's tightened limits.
 
     Fractions of limits leave relative changes as they are. Of a radius reduced by a length,
     relative changes grow by the ratio of the radii.
     """
-    tube, kept_back = problem.tube, tried.kept_back
+    tube, tightening = problem.tube, tried.tightening
     sizes = tube_sizes(tube)
-    narrowed = tube_sizes(narrowed_tube(tube, kept_back.radius, kept_back.rotation))
+    narrowed = tube_sizes(narrowed_tube(tube, tightening.radius, tightening.rotation))
     result = []
     for each in tried.result.sensitivities:
         if each.limit in sizes and each.segment is not None:

@@ -35,11 +35,11 @@ _SIZES = ("radius", "rotation", "clearance", "position")
 
 
 @dataclass(frozen=True, eq=False)
-class TriedPlan:
+class Candidate:
     """A plan for a tightened problem, and the verdict of its simulated runs.
 
     Attributes:
-        kept_back: Tightening of the problem.
+        tightening: Tightening of the problem.
         result: The plan, certified.
         verdict: Verdict of the runs, with enlarged errors.
         shortfall: Expected shortfall of such runs.
@@ -48,7 +48,7 @@ class TriedPlan:
         expected: Duration with that tightening, by first-order prices [s].
     """
 
-    kept_back: Tightening
+    tightening: Tightening
     result: PlanResult
     verdict: RunVerdict
     shortfall: Shortfall
@@ -101,49 +101,49 @@ class TightenedPlans:
         self._problem, self._again, self._follow = problem, again, follow
         self._ends, self._clock = ends, clock
         self._cached: dict[str, PlanResult | None] = {}
-        self._simulated: list[TriedPlan] = []
+        self._simulated: list[Candidate] = []
 
     @property
-    def survivor(self) -> TriedPlan | None:
+    def survivor(self) -> Candidate | None:
         """The shortest of the plans that survived the most runs; None if no plan survived."""
         survivors = (plan for plan in self._simulated if plan.survives)
         return min(survivors, key=lambda plan: (-plan.verdict.runs, plan.duration), default=None)
 
-    def problem(self, kept_back: Tightening) -> PlanningProblem:
+    def problem(self, tightening: Tightening) -> PlanningProblem:
         """Return the tightened problem.
 
         Raises:
             ProblemError: Start or goal break a tightened limit.
         """
-        return tightened_problem(self._problem, kept_back)
+        return tightened_problem(self._problem, tightening)
 
     def allowed(self, asked: Tightening) -> Tightening:
         """Return a tightening reduced to the slack of limits, start and goal."""
         return allowed_tightening(self._problem, asked, self._ends)
 
-    def planned(self, kept_back: Tightening, motion: RefinedMotion | None) -> PlanResult | None:
+    def planned(self, tightening: Tightening, motion: RefinedMotion | None) -> PlanResult | None:
         """Return the shortest plan of a tightened problem, from a motion if given, or None.
 
         Raises:
             TimeLimitReached: Before there was a plan; likewise KeyboardInterrupt.
         """
-        key = str(kept_back.as_dict())
+        key = str(tightening.as_dict())
         if key not in self._cached:
             try:
-                shortest = self._again(self.problem(kept_back), motion)
+                shortest = self._again(self.problem(tightening), motion)
             except (ProblemError, Infeasible):
                 self._cached[key] = None
                 return None
             require_not_stopped(shortest)
             self._cached[key] = None
             if shortest.succeeded:
-                written = self._follow(self.problem(kept_back), replace(shortest, notes=()))
+                written = self._follow(self.problem(tightening), replace(shortest, notes=()))
                 require_not_stopped(written)
                 if written.trajectory is not None:
                     self._cached[key] = replace(written, motion=shortest.motion)
         return self._cached[key]
 
-    def simulated(self, kept_back: Tightening, result: PlanResult, draw: Draw) -> TriedPlan:
+    def simulated(self, tightening: Tightening, result: PlanResult, draw: Draw) -> Candidate:
         """Return and remember a plan with the verdict of its simulated runs.
 
         Raises:
@@ -156,17 +156,17 @@ class TightenedPlans:
         shortfall = shown_shortfall(problem, runs)
         # With these the runs would fall neither short nor have slack.
         sizes = {
-            part: np.maximum(getattr(kept_back, part) + getattr(shortfall, part), 0.0)
+            part: np.maximum(getattr(tightening, part) + getattr(shortfall, part), 0.0)
             for part in _SIZES
         }
         # Friction, and with it the distance from the plan, grows with the velocity.
         excess = np.maximum(shortfall.velocity + _RESERVE, shortfall.tracking)
-        sizes["velocity"] = np.minimum(kept_back.velocity / (1 + excess), 1.0)
-        requested = replace(kept_back, **(sizes | {"clearance": float(sizes["clearance"])}))
+        sizes["velocity"] = np.minimum(tightening.velocity / (1 + excess), 1.0)
+        requested = replace(tightening, **(sizes | {"clearance": float(sizes["clearance"])}))
         target = self.allowed(requested)
-        more = _added_duration(self.problem(kept_back), result, kept_back, target)
-        candidate = TriedPlan(
-            kept_back,
+        more = _added_duration(self.problem(tightening), result, tightening, target)
+        candidate = Candidate(
+            tightening,
             result,
             run_verdict(runs),
             shortfall,
@@ -180,15 +180,15 @@ class TightenedPlans:
         return candidate
 
     def tried(
-        self, kept_back: Tightening, motion: RefinedMotion | None, draw: Draw
-    ) -> TriedPlan | None:
+        self, tightening: Tightening, motion: RefinedMotion | None, draw: Draw
+    ) -> Candidate | None:
         """Return the shortest plan of a tightened problem, simulated, or None without a plan.
 
         Raises:
             TimeLimitReached: Before the runs ended; likewise KeyboardInterrupt.
         """
-        result = self.planned(kept_back, motion)
-        return None if result is None else self.simulated(kept_back, result, draw)
+        result = self.planned(tightening, motion)
+        return None if result is None else self.simulated(tightening, result, draw)
 
 
 def _lacking(problem: PlanningProblem, requested: Tightening, allowed: Tightening) -> float:
@@ -206,7 +206,7 @@ def _lacking(problem: PlanningProblem, requested: Tightening, allowed: Tightenin
 
 
 def _added_duration(
-    problem: PlanningProblem, result: PlanResult, kept_back: Tightening, target: Tightening
+    problem: PlanningProblem, result: PlanResult, tightening: Tightening, target: Tightening
 ) -> float:
     """Return the duration that another tightening would add to a plan, by its sensitivities [s].
 
@@ -216,11 +216,11 @@ def _added_duration(
     Args:
         problem: The problem of the plan, tightened.
         result: The plan.
-        kept_back: The tightening of the problem.
+        tightening: The tightening of the problem.
         target: The other tightening.
     """
     tube, names, added = problem.tube, problem.robot.joint_names, 0.0
-    sizes, slower = tube_sizes(tube), kept_back.velocity / target.velocity - 1
+    sizes, slower = tube_sizes(tube), tightening.velocity / target.velocity - 1
     for sensitivity in result.sensitivities:
         if sensitivity.limit == "velocity" and sensitivity.joint in names:
             added -= sensitivity.elasticity * slower[names.index(sensitivity.joint)]
@@ -228,7 +228,7 @@ def _added_duration(
             continue
         k = tube.segment_index(sensitivity.segment)
         part = "rotation" if sensitivity.limit == "rotation" else "radius"
-        less = getattr(target, part)[k] - getattr(kept_back, part)[k]
+        less = getattr(target, part)[k] - getattr(tightening, part)[k]
         added -= sensitivity.elasticity * float(less / sizes[sensitivity.limit][k])
     return added * (result.duration or 0.0)
 
@@ -258,7 +258,7 @@ _MORE = 3  # smaller fractions of effort to try where radii cost more than expec
 _ADDED, _GIVEN_BACK, _MIN_GAIN = 1.1, 0.5, 2e-3
 
 
-def surviving_plan(plans: TightenedPlans, default: TriedPlan) -> TriedPlan:
+def surviving_plan(plans: TightenedPlans, default: Candidate) -> Candidate:
     """Return the shortest plan that survives, or the plan with the fewest failures.
 
     Args:
@@ -272,10 +272,10 @@ def surviving_plan(plans: TightenedPlans, default: TriedPlan) -> TriedPlan:
     best = _refined(plans, candidate)
     if not best.survives or _gains(candidate, best):
         best = _with_less_effort(plans, candidate, best)
-    return _settled(plans, best)
+    return _confirmed(plans, best)
 
 
-def safer_plan(plans: TightenedPlans, survivor: TriedPlan, draw: Draw) -> TriedPlan | None:
+def safer_plan(plans: TightenedPlans, survivor: Candidate, draw: Draw) -> Candidate | None:
     """Return a plan that is tightened by what arms of a draw lacked, and survives; or None.
 
     Args:
@@ -286,7 +286,7 @@ def safer_plan(plans: TightenedPlans, survivor: TriedPlan, draw: Draw) -> TriedP
     Raises:
         TimeLimitReached: Before the plan was known; likewise KeyboardInterrupt.
     """
-    now = plans.simulated(survivor.kept_back, survivor.result, draw)
+    now = plans.simulated(survivor.tightening, survivor.result, draw)
     for _ in range(_ROUNDS):
         following = plans.tried(_next(plans, now, given_back=0.0), now.result.motion, MANY)
         if following is None or following.survives:
@@ -295,19 +295,19 @@ def safer_plan(plans: TightenedPlans, survivor: TriedPlan, draw: Draw) -> TriedP
     return None
 
 
-def _best_effort(plans: TightenedPlans, start: TriedPlan) -> TriedPlan:
+def _best_effort(plans: TightenedPlans, start: Candidate) -> Candidate:
     """Return the plan with the best fraction of effort, by its lack and expected duration.
 
     Every second fraction is tried, until there is no gain; then the best one's neighbours.
     """
-    candidates: dict[int, TriedPlan] = {0: start}
+    candidates: dict[int, Candidate] = {0: start}
 
     def is_better(k: int, best: int) -> bool:
-        kept_back, current = replace(start.kept_back, effort=_EFFORTS[k]), candidates[best]
-        result = plans.planned(kept_back, current.result.motion)
+        tightening, current = replace(start.tightening, effort=_EFFORTS[k]), candidates[best]
+        result = plans.planned(tightening, current.result.motion)
         if result is None or _is_surely_longer(result, current):
             return False
-        new = candidates[k] = plans.simulated(kept_back, result, FEWER)
+        new = candidates[k] = plans.simulated(tightening, result, FEWER)
         # Tolerances that cannot be had count before the duration.
         return (new.lacking, new.expected) < (current.lacking, current.expected)
 
@@ -323,18 +323,18 @@ def _best_effort(plans: TightenedPlans, start: TriedPlan) -> TriedPlan:
     return candidates[best]
 
 
-def _is_surely_longer(result: PlanResult, other: TriedPlan) -> bool:
+def _is_surely_longer(result: PlanResult, other: Candidate) -> bool:
     """Return True if a plan takes longer than another's expected duration."""
     if not other.survives and other.lacking > 0:
         return False
     return (result.duration or np.inf) >= other.expected
 
 
-def _refined(plans: TightenedPlans, candidate: TriedPlan) -> TriedPlan:
+def _refined(plans: TightenedPlans, candidate: Candidate) -> Candidate:
     """Return the shortest survivor near a candidate, or the plan with the fewest failures."""
     now = candidate
     if candidate.survives:  # of few arms; now of all
-        now = plans.simulated(candidate.kept_back, candidate.result, WORKING)
+        now = plans.simulated(candidate.tightening, candidate.result, WORKING)
     best = now
     for _ in range(_ROUNDS):
         following = plans.tried(_next(plans, now), now.result.motion, WORKING)
@@ -348,14 +348,14 @@ def _refined(plans: TightenedPlans, candidate: TriedPlan) -> TriedPlan:
     return best
 
 
-def _with_less_effort(plans: TightenedPlans, candidate: TriedPlan, best: TriedPlan) -> TriedPlan:
+def _with_less_effort(plans: TightenedPlans, candidate: Candidate, best: Candidate) -> Candidate:
     """Return the best plan with less effort than a candidate, whose radii cost too much."""
-    for effort in [each for each in _EFFORTS if each < candidate.kept_back.effort][:_MORE]:
-        kept_back = replace(candidate.kept_back, effort=effort)
-        result = plans.planned(kept_back, candidate.result.motion)
+    for effort in [each for each in _EFFORTS if each < candidate.tightening.effort][:_MORE]:
+        tightening = replace(candidate.tightening, effort=effort)
+        result = plans.planned(tightening, candidate.result.motion)
         if result is None or (best.survives and _is_surely_longer(result, best)):
             break
-        lower = plans.simulated(kept_back, result, FEWER)
+        lower = plans.simulated(tightening, result, FEWER)
         if not best.survives or (lower.lacking <= 0 and _gains(lower, best)):
             before, best = best, _better(best, _refined(plans, lower))
             if before.survives and best is before:
@@ -363,14 +363,14 @@ def _with_less_effort(plans: TightenedPlans, candidate: TriedPlan, best: TriedPl
     return best
 
 
-def _gains(candidate: TriedPlan, best: TriedPlan) -> bool:
+def _gains(candidate: Candidate, best: Candidate) -> bool:
     """Return True if a plan's expected duration is worth a round, against the best or itself."""
     return best.duration - candidate.expected > _MIN_GAIN * best.duration
 
 
-def _settled(plans: TightenedPlans, refined: TriedPlan) -> TriedPlan:
+def _confirmed(plans: TightenedPlans, refined: Candidate) -> Candidate:
     """Return the shortest plan that many runs survive, or the plan with the fewest failures."""
-    now = best = plans.simulated(refined.kept_back, refined.result, MANY)
+    now = best = plans.simulated(refined.tightening, refined.result, MANY)
     for _ in range(_ROUNDS if refined.survives else 0):
         if now.survives and not _gains(now, now):
             break
@@ -384,9 +384,9 @@ def _settled(plans: TightenedPlans, refined: TriedPlan) -> TriedPlan:
     return best
 
 
-def _next(plans: TightenedPlans, tried: TriedPlan, given_back: float = _GIVEN_BACK) -> Tightening:
+def _next(plans: TightenedPlans, tried: Candidate, given_back: float = _GIVEN_BACK) -> Tightening:
     """Return the next tightening after a plan: more than its shortfall, less of its slack."""
-    now, target = tried.kept_back, tried.wanted
+    now, target = tried.tightening, tried.wanted
 
     def between(before: FloatArray, after: FloatArray) -> FloatArray:
         change = after - before
@@ -404,7 +404,7 @@ def _next(plans: TightenedPlans, tried: TriedPlan, given_back: float = _GIVEN_BA
     return plans.allowed(following)
 
 
-def _better(first: TriedPlan, second: TriedPlan) -> TriedPlan:
+def _better(first: Candidate, second: Candidate) -> Candidate:
     """Return the shorter of two survivors, the only survivor, or the plan with fewer failures."""
     if first.survives and second.survives:
         return min(first, second, key=lambda plan: plan.duration)

@@ -115,31 +115,31 @@ def allowed_tightening(problem: PlanningProblem, asked: Tightening, ends: FloatA
     )
 
 
-def tightened_problem(problem: PlanningProblem, kept_back: Tightening) -> PlanningProblem:
+def tightened_problem(problem: PlanningProblem, tightening: Tightening) -> PlanningProblem:
     """Return the tightened problem; geometry is shared.
 
     Args:
         problem: The planning problem.
-        kept_back: A tightening that `allowed_tightening` returned.
+        tightening: A tightening that `allowed_tightening` returned.
 
     Raises:
         ProblemError: Start or goal break a tightened limit.
     """
-    farther = problem.farther_apart(kept_back.clearance)
-    limits, motors, ratio = problem.robot.limits, problem.robot.motors, kept_back.effort
+    farther = problem.farther_apart(tightening.clearance)
+    limits, motors, ratio = problem.robot.limits, problem.robot.motors, tightening.effort
     limits = replace(
         limits,
         effort=ratio * limits.effort,
         effort_ranges=tuple(each.scaled(ratio) for each in limits.effort_ranges),
-        velocity=kept_back.velocity * limits.velocity,
-        lower_position=limits.lower_position + kept_back.position[0],
-        upper_position=limits.upper_position - kept_back.position[1],
+        velocity=tightening.velocity * limits.velocity,
+        lower_position=limits.lower_position + tightening.position[0],
+        upper_position=limits.upper_position - tightening.position[1],
     )
     motors = replace(motors, saturation_effort=ratio * motors.saturation_effort)
     return replace(
         farther,
         robot=problem.robot.with_limits(limits, motors),
-        tube=narrowed_tube(farther.tube, kept_back.radius, kept_back.rotation),
+        tube=narrowed_tube(farther.tube, tightening.radius, tightening.rotation),
     )
 
 
@@ -171,7 +171,7 @@ class Survival:
         errors: The errors and the controller.
         verdict: Verdict of runs used for nothing else; None if planning was stopped before.
         reached: Whether all runs of the plan's search survive, with errors 1.3 times as large.
-        kept_back: The plan's tightening.
+        tightening: The plan's tightening.
         duration_without: Duration of the plan without robustness [s].
         verdict_without: Verdict of the same runs with that plan; None if that plan is the answer,
             or planning was stopped before.
@@ -182,7 +182,7 @@ class Survival:
     errors: Robustness
     verdict: RunVerdict | None
     reached: bool
-    kept_back: Tightening
+    tightening: Tightening
     duration_without: float
     verdict_without: RunVerdict | None
     costs: Mapping[str, float]
@@ -208,7 +208,7 @@ class Survival:
         if not self.costs:
             return self._blamed
         parts = "; ".join(
-            f"{_part_in_words(self.kept_back, part)} ({1000 * cost:.1f} ms)"
+            f"{_part_in_words(self.tightening, part)} ({1000 * cost:.1f} ms)"
             for part, cost in self.costs.items()
         )
         percent = 100 * self.added / self.duration_without
@@ -239,14 +239,14 @@ class Survival:
             if self.verdict_without is None
             else self.verdict_without.as_dict(),
             "duration_without": self.duration_without,
-            "kept_back": self.kept_back.as_dict(),
+            "kept_back": self.tightening.as_dict(),
             "costs": dict(self.costs),
             "blame": None if self.blame is None else self.blame.as_dict(),
         }
 
 
-def _part_in_words(kept_back: Tightening, part: str) -> str:
-    value = getattr(kept_back, part)
+def _part_in_words(tightening: Tightening, part: str) -> str:
+    value = getattr(tightening, part)
     if part in PARTS[:2]:
         least = "as little as " * (part == "velocity")
         return f"{least}{100 * float(np.min(value)):.3g} % of the {part} limits"
