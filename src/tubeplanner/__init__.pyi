@@ -145,7 +145,7 @@ from .execution.cycle_verdict import HandoverErrors as HandoverErrors  # returne
 from .execution.run_verdict import run_verdict as run_verdict
 from .execution.run_verdict import RunVerdict as RunVerdict  # returned
 from .planning.tightening import Survival as Survival  # returned
-from .execution.error_contributions import Blame as Blame  # returned
+from .execution.error_contributions import ErrorContribution as ErrorContribution  # returned
 from .planning.tightening import Tightening as Tightening  # returned
 
 # Pictures

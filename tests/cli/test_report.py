@@ -113,5 +113,5 @@ def test_conditions_and_prices_are_told_where_they_are_tightest(small_plan):
     moves = small_plan.certificate.moves.values()
     margin = min(each.conditions["tube"].margin for each in moves)
     assert f"{margin:.3g} m" in next(line for line in lines if line.startswith("│ tube"))
-    dearest = max(small_plan.legs[0].result.sensitivities, key=lambda each: each.saved)
-    assert str(dearest) in next(line for line in lines if " over " in line)
+    largest_saving = max(small_plan.legs[0].result.sensitivities, key=lambda each: each.saved)
+    assert str(largest_saving) in next(line for line in lines if " over " in line)

@@ -9,8 +9,8 @@ from cases import judged_run, rest_to_rest
 from tubeplanner import Robustness, Tube, load_problem
 from tubeplanner.execution import error_contributions as blamed_errors
 from tubeplanner.execution.error_contributions import (
-    Blame,
     BlamedError,
+    ErrorContribution,
     Shortfall,
     shown_shortfall,
     simulated_runs,
@@ -149,7 +149,7 @@ def two_segments():
 
 
 @pytest.fixture
-def blame(monkeypatch, two_segments):
+def contribution(monkeypatch, two_segments):
     """Return a function from what is short with some errors, by kind, to who is to blame."""
 
     shapes = {"radius": 2, "rotation": 2, "position": (2, 2), "velocity": 2, "tracking": 2}
@@ -172,9 +172,9 @@ def blame(monkeypatch, two_segments):
     return found
 
 
-def test_most_to_blame_is_what_leaves_the_least_short_if_it_is_left_out(blame):
+def test_most_to_blame_is_what_leaves_the_least_short_if_it_is_left_out(contribution):
     """4 mm by the masses, 2 mm by a delay, 0.5 mm by the tool; 3 mm are there to spare."""
-    found = blame(
+    found = contribution(
         Robustness.exact(mass=0.04, delay=0.002, tool=0.0005),
         radius=lambda present: 0.1 * present.mass + present.delay + present.tool - 0.003,
     )
@@ -189,7 +189,7 @@ def test_most_to_blame_is_what_leaves_the_least_short_if_it_is_left_out(blame):
     )
 
 
-def test_a_kind_counts_in_shares_of_its_tolerance(blame):
+def test_a_kind_counts_in_shares_of_its_tolerance(contribution):
     """Of 20 mm 1.4 mm are 0.07, of 0.1 rad 8 mrad are 0.08, of 0.1 rad of travel 9 mrad 0.09."""
     short = {"radius": lambda _: 1.4e-3}
     for kind, much, unit in (
@@ -202,22 +202,24 @@ def test_a_kind_counts_in_shares_of_its_tolerance(blame):
         ("tool_tracking", 0.13, ""),
     ):
         short[kind] = lambda _, much=much: much
-        found = blame(Robustness.exact(mass=0.05), **short)
+        found = contribution(Robustness.exact(mass=0.05), **short)
         assert found.kind == kind
         assert unit in (None, found.unit)
 
 
 def test_what_is_short_without_any_error_is_the_controllers():
-    blame = Blame("self_collision", "m", 0.004, 0.001, (BlamedError("mass", 0.05, 0.002),))
-    assert str(blame) == (
+    contribution = ErrorContribution(
+        "self_collision", "m", 0.004, 0.001, (BlamedError("mass", 0.05, 0.002),)
+    )
+    assert str(contribution) == (
         "4 mm of self collision short, and 1 mm without any error: the controller cannot follow"
     )
-    assert blame.as_dict()["errors"][0]["size"] == 0.05
-    fast = replace(blame, kind="velocity", unit="", short=0.034, without_any=-0.05)
+    assert contribution.as_dict()["errors"][0]["size"] == 0.05
+    fast = replace(contribution, kind="velocity", unit="", short=0.034, without_any=-0.05)
     assert str(fast) == "3.4 % of velocity short; mass of 0.05 is to blame most: 0.2 % without it"
 
 
-def test_other_fields_of_robustness_are_left_as_they_are(blame):
+def test_other_fields_of_robustness_are_left_as_they_are(contribution):
     met = []
 
     def short(present):
@@ -225,7 +227,7 @@ def test_other_fields_of_robustness_are_left_as_they_are(blame):
         return 0.0
 
     errors = Robustness.exact(lag=0.001, noise=1e-5, controller="pd", control_period=0.002)
-    blame(errors, radius=short)
+    contribution(errors, radius=short)
     assert {(one.controller, one.control_period) for one in met} == {("pd", 0.002)}
     errors = [(one.lag, one.noise) for one in met]
     assert errors == [(0.001, 1e-5), (0.0, 1e-5), (0.001, 0.0), (0.0, 0.0)]

@@ -89,9 +89,9 @@ def explained(folder, names):
     path.write_text(yaml.safe_dump(fields))
     problem = load_problem(path)
     remedies = tuple(_remedy(name) for name in names)
-    in_vain = tuple(f"obstacles.{name}.position" for name in others)
+    ineffective = tuple(f"obstacles.{name}.position" for name in others)
     result = plan(problem, PlanOptions(quality="fast"))
-    return Explanation(link, problem, result, None, remedies, in_vain)
+    return Explanation(link, problem, result, None, remedies, ineffective)
 
 
 def _remedy(name):

@@ -187,9 +187,9 @@ def test_what_was_far_off_at_the_last_look_is_seen_once_it_comes_near(two_link):
     bent[3:-3, 1] *= 0.4
     near = PhasedSpline(far.grid, far.switching_times, bent)
     used, fresh = LinkConstraints(problem), LinkConstraints(problem)
-    assert not used.look(far)
-    assert used.look(near)
-    assert fresh.look(near)
+    assert not used.add_samples(far)
+    assert used.add_samples(near)
+    assert fresh.add_samples(near)
     distances = [links.at(near).closest.distance.min() for links in (used, fresh)]
     assert distances[0] == pytest.approx(distances[1], abs=1e-12)
     assert distances[0] < -0.005
@@ -218,7 +218,7 @@ def test_room_beyond_what_is_asked_is_kept_from_obstacles(two_link):
 
     def slacks_of(problem, slack=0.0):
         links = LinkConstraints(problem, slack)
-        links.look_at(spline, samples)
+        links.set_samples(spline, samples)
         return np.sort(links.at(spline).slack(1.0, 1.0))
 
     with_room, less = slacks_of(problem, slack), slacks_of(problem)

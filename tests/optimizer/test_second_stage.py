@@ -121,7 +121,7 @@ def test_what_is_outside_or_late_between_samples_is_no_answer(excess, longer, is
     constraints = result._program.constraints
     here = constraints.at(post[1].motion.spline)
     dense = replace(here, excess=excess, squared_duration=longer * longest**2)
-    constraints.look_between_samples = lambda iterate: (dense, False)
+    constraints.add_samples_between = lambda iterate: (dense, False)
     assert result._looked_at(here) is is_answer
 
 

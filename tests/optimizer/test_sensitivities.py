@@ -173,9 +173,9 @@ def test_only_refinement_has_sensitivities_and_the_dearest_come_first(planned):
     assert planned(name)[1].sensitivities == ()
     result = planned(name, "refinement")[1]
     assert {one.limit for one in result.sensitivities} == {"effort", "radius"}
-    dearest = result.sensitivities[0]
-    assert dearest.saved == max(one.saved for one in result.sensitivities)
-    assert dearest.saved == pytest.approx(-0.1 * dearest.elasticity * result.duration)
+    largest_saving = result.sensitivities[0]
+    assert largest_saving.saved == max(one.saved for one in result.sensitivities)
+    assert largest_saving.saved == pytest.approx(-0.1 * largest_saving.elasticity * result.duration)
     (radius,) = (one for one in result.sensitivities if one.limit == "radius")
     assert (radius.joint, radius.segment) == (None, 0)
     assert radius.elasticity < -0.01  # of one segment alone, without switching times
@@ -193,8 +193,8 @@ def test_a_start_on_bounds_of_its_rotation_has_sane_prices(bundled):
     problem = problem.with_tube(replace(problem.tube, **turns))
     refinement = refined(problem)
     duration = polished(problem, refinement.spline)[1].duration
-    dearest, *others = limit_sensitivities(problem, refinement, duration)
-    assert dearest.limit == "velocity"
-    assert 0.02 < dearest.saved < 0.1
+    largest_saving, *others = limit_sensitivities(problem, refinement, duration)
+    assert largest_saving.limit == "velocity"
+    assert 0.02 < largest_saving.saved < 0.1
     turns = [one for one in others if (one.limit, one.segment) == ("rotation", 0)]
     assert sum(one.saved for one in turns) < 0.005

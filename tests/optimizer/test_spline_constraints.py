@@ -64,7 +64,7 @@ class Kinds:
             robot = with_motors(self.problem.robot, **MOTORS[kind])
             self.problem = replace(self.problem, robot=robot)
         self.links = LinkConstraints(self.problem)
-        self.links.look_at(spline, spline.grid.samples_at(ENDS, np.linspace(0.2, 0.8, 9)))
+        self.links.set_samples(spline, spline.grid.samples_at(ENDS, np.linspace(0.2, 0.8, 9)))
 
     def at(self, spline):
         if self.kind == "links":

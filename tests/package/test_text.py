@@ -125,7 +125,10 @@ def made(planned, small_plan):
             t.Progress("planning"),
             t.RunVerdict(9, 1, {"tube": 1}, 1.0, 0.0),
         ),
-        *(t.SlowerRun("effort", 0.1, 0.5, result.place), t.Blame("effort", "", 0.1, 0.1, ())),
+        *(
+            t.SlowerRun("effort", 0.1, 0.5, result.place),
+            t.ErrorContribution("effort", "", 0.1, 0.1, ()),
+        ),
         t.SearchStatistics(*range(8), False),
         *(t.WorkerProcesses(2), t.ProblemSpec.read("example:two_link/around_a_post")),
         *t.plan_many(["no/such/file.yaml"], executor=ThreadPoolExecutor(1)),

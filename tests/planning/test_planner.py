@@ -30,7 +30,7 @@ from tubeplanner import (
 from tubeplanner.first_guess.branches import KnownBranches, configured_ends
 from tubeplanner.geometry.collision_checker import link_covers
 from tubeplanner.outcome import Place, PlanningClock
-from tubeplanner.planning.diagnosis import blocked_spot, surely_blocked_spot
+from tubeplanner.planning.diagnosis import blocking_sample, certain_blocking_sample
 from tubeplanner.resources import bundled_problems
 from tubeplanner.task.problem_format import ObstacleFields, ProblemFields, RobotFields, TubeFields
 
@@ -524,8 +524,8 @@ def test_the_tool_may_pass_anywhere_in_the_tube():
     """A ball at a corner leaves no configuration near it, but others in the tube about it."""
     problem = with_ball(0.03)
     start = KnownBranches(problem, PlanningClock(None, None)).require_ends()[0]
-    assert blocked_spot(problem, start, Place()).place.obstacle == "ball"
-    assert surely_blocked_spot(problem, start) is None
+    assert blocking_sample(problem, start, Place()).place.obstacle == "ball"
+    assert certain_blocking_sample(problem, start) is None
 
 
 # A motion of a thousandth of the size takes as long, if the limits shrink with it.

@@ -19,7 +19,7 @@ from tubeplanner import (
 from tubeplanner.first_guess.branches import KnownBranches
 from tubeplanner.outcome import Infeasible, Place, PlanningClock
 from tubeplanner.planning.necessary_conditions import require_possible
-from tubeplanner.planning.result import refused_result, with_grounds
+from tubeplanner.planning.result import refused_result, with_diagnosis
 
 IN_THE_WAY = "in the start configuration"
 
@@ -38,7 +38,7 @@ def reason(**fields):
     ],
 )
 def test_a_refusal_says_how_sure_it_is(fields, message, starts):
-    result = with_grounds(refused_result(reason(**fields), "refinement"))
+    result = with_diagnosis(refused_result(reason(**fields), "refinement"))
     assert result.message == message
     assert result.proved is fields.get("proved", False)
     assert result.starts_tried == starts
@@ -101,10 +101,10 @@ def test_clearance_that_a_given_end_leaves_is_in_the_message(two_link):
 def test_what_a_seed_or_a_pose_leads_to_in_collision_is_not_proved(two_link):
     problem = between(two_link, block_at(two_link.tool_position(np.array(START))))
     starts = {", 1 start tried": Seed(np.array(START)), ", 2 starts tried": pose_at(problem, START)}
-    for grounds, start in starts.items():
+    for diagnosis, start in starts.items():
         result = plan(replace(problem, start=start))
         assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, False)
-        assert result.message.endswith(grounds)
+        assert result.message.endswith(diagnosis)
     assert (
         "of 2 configurations found for its pose 2 were tried, none has an answer" in result.message
     )

@@ -18,7 +18,7 @@ from tubeplanner import (
     plan,
 )
 from tubeplanner.outcome import Place
-from tubeplanner.planning.diagnosis import blocked_spot, path_spots
+from tubeplanner.planning.diagnosis import blocking_sample, path_samples
 
 BLOCKED, FAR, HEAVY = "tube_blocked", "unreachable", "gravity_exceeds_effort"
 POINTS = [[0.45, -0.35, 0.14], [0.45, -0.35, 0.45], [0.35, 0.48, 0.46], [0.64, 0.26, 0.61]]
@@ -59,7 +59,7 @@ def with_point(k, point):
 
 def reason_of(problem):
     """Return what blocks a problem, without planning it."""
-    return blocked_spot(problem, START, Place())
+    return blocking_sample(problem, START, Place())
 
 
 @pytest.fixture(scope="module")
@@ -125,19 +125,19 @@ def test_planning_names_it(name, status, named, persistent, possible):
 
 def test_places_are_points_then_what_lies_between(possible):
     ended = Place(segment=1, position=(0.4, 0.2, 0.45))
-    spots = path_spots(possible, ended)
+    samples = path_samples(possible, ended)
     points = [1, 2, 3, None, None, None, None]
-    assert [spot.place.point for spot in spots] == points
-    assert [spot.place.segment for spot in spots] == [0, 1, 2, 0, 1, 1, 2]
-    assert (spots[2].is_goal, spots[2].allowed) == (True, 0)
-    assert spots[1].allowed == pytest.approx(0.015)  # half the smaller radius
-    assert spots[1].segments == spots[1].rotation_rows == (1, 2)
-    np.testing.assert_allclose(spots[5].tool, ended.position)  # beyond the middle
+    assert [sample.place.point for sample in samples] == points
+    assert [sample.place.segment for sample in samples] == [0, 1, 2, 0, 1, 1, 2]
+    assert (samples[2].is_goal, samples[2].allowed) == (True, 0)
+    assert samples[1].allowed == pytest.approx(0.015)  # half the smaller radius
+    assert samples[1].segments == samples[1].rotation_rows == (1, 2)
+    np.testing.assert_allclose(samples[5].tool, ended.position)  # beyond the middle
 
 
 def test_of_a_long_path_few_places_are_asked(possible):
     points = [[0.3 + 0.01 * k, 0.3 + 0.02 * (k % 2), 0.4] for k in range(31)]
     problem = PlanningProblem(possible.robot, Tube(points, 0.01), Seed(START))
-    spots = path_spots(problem, Place(segment=20))
-    segments = {spot.place.segment for spot in spots}
+    samples = path_samples(problem, Place(segment=20))
+    segments = {sample.place.segment for sample in samples}
     assert segments == {17, 18, 19, 20, 21, 22, 23, 29}

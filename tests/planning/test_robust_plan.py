@@ -128,8 +128,8 @@ def test_where_none_survives_the_error_that_is_to_blame_is_named():
     survival = robust.survival
     assert (robust.status, robust.trajectory) == (PlanStatus.NO_TRAJECTORY, None)
     assert not survival.reached and survival.verdict.failed > 0
-    assert [one.error for one in survival.blame.errors] == ["tool", "mass"]
-    assert survival.blame.errors[0].short < 0 < survival.blame.short
+    assert [one.error for one in survival.contribution.errors] == ["tool", "mass"]
+    assert survival.contribution.errors[0].short < 0 < survival.contribution.short
     assert f"no plan survives these errors; of the best one {survival.verdict}" in robust.message
     assert "tool of 0.02 is to blame most" in robust.message
     assert robust.place.segment == 0  # where it leaves the tube
@@ -141,8 +141,8 @@ def test_a_controller_that_cannot_follow_is_to_blame():
     problem = problem_with(slow, **{"tube.radius": 0.001})
     survival = plan(problem, SHORTEST).survival
     assert not survival.reached
-    assert survival.blame.without_any > 0
-    assert "without any error: the controller cannot follow" in str(survival.blame)
+    assert survival.contribution.without_any > 0
+    assert "without any error: the controller cannot follow" in str(survival.contribution)
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,7 @@ def test_what_is_short_makes_it_longer_by_the_price_of_its_own_segment(problem, 
     tried = tried_of(problem, price_of("radius", 2, -0.06), *others)
     assert tried.wanted.radius == pytest.approx([0.0, 0.005, 0.001])
     assert tried.expected == pytest.approx(2.015)
-    assert (tried.duration, tried.lacking) == (2.0, 0.0)
+    assert (tried.duration, tried.deficit) == (2.0, 0.0)
 
 
 def test_what_is_to_spare_makes_it_shorter_by_the_price_where_it_is(problem, seen):
@@ -143,13 +143,13 @@ def test_rotation_has_a_price_of_its_own(problem, seen):
     tried = tried_of(problem.with_tube(tube), price_of("rotation", 2, -0.03))
     assert tried.wanted.rotation == pytest.approx([0.0, 0.1, 0.09])
     assert tried.expected == pytest.approx(2.03)
-    assert tried.lacking == pytest.approx(2.1)
+    assert tried.deficit == pytest.approx(2.1)
 
 
 def test_what_there_is_no_room_for_is_lacking_in_shares_of_the_tolerance(problem, seen):
     """Of 20 mm at most 18 mm are kept back: of 21 mm 3 mm are lacking; of clearance all."""
     slack = problem.robot.limits.upper_position[0] - 0.9
-    for shown, lacking in (
+    for shown, deficit in (
         ({"radius": np.array([-1.0, 0.03, 0.021])}, 0.15),
         ({"self_collision": 0.004}, 0.004),
         ({"tool_tracking": 0.07}, 0.07),
@@ -157,7 +157,7 @@ def test_what_there_is_no_room_for_is_lacking_in_shares_of_the_tolerance(problem
         ({"position": np.array([[-1.0, -1.0], [5.75, -1.0]])}, 5.75 - slack),
     ):
         seen(**shown)
-        assert tried_of(problem).lacking == pytest.approx(lacking, abs=1e-5)
+        assert tried_of(problem).deficit == pytest.approx(deficit, abs=1e-5)
 
 
 def test_what_is_kept_back_counts_as_well_as_what_is_short(problem, seen):
@@ -347,7 +347,7 @@ class Formulas:
             verdict=RunVerdict(draw.runs, failed, {"tube": failed}, None, 0.0),
             shortfall=None,
             wanted=self.kept(kept.effort, wanted),
-            lacking=(asked - wanted) / RADIUS + self.links_meet,
+            deficit=(asked - wanted) / RADIUS + self.links_meet,
             expected=result.duration + price * (wanted - float(kept.radius[0])),
         )
         self.made.append(tried)

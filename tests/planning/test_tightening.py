@@ -8,7 +8,7 @@ import pytest
 from stored_trajectories import REFINEMENT
 
 from tubeplanner import GoalRegion, Obstacle, Robustness, Tube, load_problem, placement_of
-from tubeplanner.execution.error_contributions import Blame, BlamedError
+from tubeplanner.execution.error_contributions import BlamedError, ErrorContribution
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.planning.tightening import (
     Survival,
@@ -237,7 +237,7 @@ KEPT = Tightening(
 )
 PARTS = ("effort", "velocity", "radius", "rotation", "clearance", "position")
 COSTS = dict(zip(PARTS, (0.012, 0.003, 0.0015, 0.0011, 0.0003, 0.0001), strict=True))  # [s]
-BLAME = Blame(
+BLAME = ErrorContribution(
     "radius", "m", 0.004, -0.009, (BlamedError("mass", 0.05, -0.001), BlamedError("lag", 0.1, 0.0))
 )
 
@@ -271,15 +271,15 @@ def test_a_note_tells_what_every_part_costs(survival):
 
 
 def test_blame_is_of_the_plan_whose_runs_it_is_about(survival):
-    (note,) = replace(survival, costs={}, blame=BLAME).notes
+    (note,) = replace(survival, costs={}, contribution=BLAME).notes
     assert note == f"the plan without robustness: {BLAME}"
-    (note,) = replace(survival, reached=False, costs={}, blame=BLAME).notes
+    (note,) = replace(survival, reached=False, costs={}, contribution=BLAME).notes
     assert note == f"no plan was found that survives errors 1.3 times as large: {BLAME}"
-    assert len(replace(survival, blame=BLAME).notes) == 2
+    assert len(replace(survival, contribution=BLAME).notes) == 2
 
 
 def test_as_json_it_has_all_of_it(survival):
-    found = json.loads(json.dumps(replace(survival, blame=BLAME).as_dict()))
+    found = json.loads(json.dumps(replace(survival, contribution=BLAME).as_dict()))
     assert (found["reached"], found["duration_without"], found["costs"]) == (True, 0.9, COSTS)
     assert (found["verdict"]["failed"], found["verdict_without"]["failed"]) == (0, 150)
     assert found["kept_back"]["velocity"] == [1.0, 0.97]

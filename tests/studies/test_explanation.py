@@ -17,7 +17,7 @@ from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies import change_trials as trials_module
-from tubeplanner.studies.explanation import InvalidProblem, in_vain_text, setting_text
+from tubeplanner.studies.explanation import InvalidProblem, ineffective_text, setting_text
 
 PROBLEM = parse_problem(PLANAR)
 PLACE = Place(segment=1, joint="joint2")
@@ -77,7 +77,7 @@ def test_ranges_that_do_not_meet_are_proved_and_the_tube_is_drawn_without():
 
 def test_a_problem_without_an_answer_says_where_and_why():
     result = PlanResult(PlanStatus.UNREACHABLE, "for a reason", PLACE, "refinement")
-    found = Explanation("name", PROBLEM, result, None, in_vain=("a",))
+    found = Explanation("name", PROBLEM, result, None, ineffective=("a",))
     assert (found.is_possible, found.succeeded) == (False, False)
     assert (found.status, found.message, found.place) == ("unreachable", "for a reason", PLACE)
     helped = replace(found, remedies=(REMEDY,), tried=7)
@@ -139,7 +139,7 @@ def test_the_clearance_at_the_start_is_the_cheapest_and_what_helps_nothing_is_sa
     costs = [each.cost for each in found.remedies]
     assert costs == sorted(costs)
     vain = {"start", "start.joints", "goal.tolerance", "tube.points.1", "tube.radius"}
-    assert set(found.in_vain) == vain
+    assert set(found.ineffective) == vain
     assert not {each.field for each in found.remedies} & vain
     remedy = found.remedies[0]
     assert remedy.text.startswith("clearance 400 -> ")
@@ -190,7 +190,7 @@ def test_the_effort_and_the_payload_that_gravity_allows_are_found(tmp_path):
     assert payload.text == f"payload at most {payload.after:g} kg"
     assert effort.text == f"across: {effort.after - 12:.3g} N more (12 -> {effort.after:g} N)"
     assert len(found.remedies) == 2
-    assert found.in_vain == ("robot.limits.effort.along",)
+    assert found.ineffective == ("robot.limits.effort.along",)
     for remedy in found.remedies:
         require_certified(path, remedy)
 
@@ -212,7 +212,7 @@ def test_a_start_outside_a_limit_is_mended_at_either_end(tmp_path):
 def test_a_problem_with_an_answer_has_its_room(tmp_path):
     path = gantry(tmp_path, [POST])
     found = explained(path, {"clearance": 0.05})
-    assert (found.is_possible, found.remedies, found.in_vain) == (True, (), ())
+    assert (found.is_possible, found.remedies, found.ineffective) == (True, (), ())
     headrooms = {headroom.text: headroom for headroom in found.headrooms}
     (clearance,) = [headroom for headroom in found.headrooms if headroom.field == "clearance"]
     assert clearance.after <= DISTANCE
@@ -309,7 +309,7 @@ def test_the_time_limit_keeps_what_was_found(path, monkeypatch):
     found = explained(path, {"clearance": CLEARANCE})
     assert (found.stopped_by, found.tried) == ("time_limit", 7)
     assert [remedy.field for remedy in found.remedies] == ["clearance"]
-    assert "obstacles.post.position" not in found.in_vain
+    assert "obstacles.post.position" not in found.ineffective
 
 
 @pytest.mark.slow  # tries changes of three segments
@@ -323,7 +323,7 @@ def test_the_radius_about_a_point_out_of_reach_is_found(tmp_path):
     assert radius.field == "tube.radius.0"
     require_known(0.01, radius.after, beyond)
     require_known(1.0, remedy_of(found, "along: upper limit").after[1], 1 + beyond - 0.01)
-    assert "tube.radius.1" in found.in_vain
+    assert "tube.radius.1" in found.ineffective
     require_certified(path, radius)
 
 
@@ -374,4 +374,4 @@ def test_a_value_is_read_again(value):
     ],
 )
 def test_changes_of_one_kind_are_told_together(paths, text):
-    assert in_vain_text(paths.split()) == text
+    assert ineffective_text(paths.split()) == text

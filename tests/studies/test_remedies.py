@@ -74,16 +74,16 @@ def test_another_robot_and_what_is_not_narrowed_come_last_once_a_field():
 def test_a_move_is_tried_by_a_middle_size_too():
     search, trials = search_of({}, [[simple_change("a", is_move=True)], "", ""])
     assert trials.asked[:3] == [("a", 1.0), ("a", 10.0), ("a", 100.0)]
-    assert search.in_vain == ("a",)
+    assert search.ineffective == ("a",)
 
 
 def test_the_least_likely_are_tried_only_if_nothing_else_helps():
     search, trials = search_of({"d": 5.0, "a": 1.0}, ["a", "c", "d"])
     assert "d" not in {field for field, _ in trials.asked}
-    assert search.in_vain == ("c",)
+    assert search.ineffective == ("c",)
     search, _ = search_of({"d": 5.0}, ["a", "c", "d"])
     assert [remedy.field for remedy in search.remedies] == ["d"]
-    assert search.in_vain == ("a", "c")
+    assert search.ineffective == ("a", "c")
 
 
 def test_what_helps_nowhere_is_tried_by_as_much_as_makes_sense():
@@ -91,14 +91,14 @@ def test_what_helps_nowhere_is_tried_by_as_much_as_makes_sense():
     once = [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]
     assert trials.asked == 2 * once
     assert trials.thorough == once
-    assert (search.remedies, search.in_vain) == ((), ("a", "b"))
+    assert (search.remedies, search.ineffective) == ((), ("a", "b"))
 
 
 def test_a_field_that_helps_in_one_direction_is_not_in_vain():
     changes = [simple_change("a"), simple_change("a", most=0.5)]
     search, _ = search_of({"a": 0.9}, [changes, "", ""])
     assert [remedy.field for remedy in search.remedies] == ["a"]
-    assert search.in_vain == ()
+    assert search.ineffective == ()
 
 
 def test_a_switch_is_tried_once_and_has_no_size():
@@ -107,7 +107,7 @@ def test_a_switch_is_tried_once_and_has_no_size():
     assert (trials.asked, trials.thorough) == ([("a", 1.0), ("b", 1.0)], [])
     (remedy,) = search.remedies
     assert (remedy.text, remedy.too_little) == ("b to 1 would work", None)
-    assert (remedy.is_smallest, search.in_vain) == (True, ("a",))
+    assert (remedy.is_smallest, search.ineffective) == (True, ("a",))
 
 
 def test_a_size_is_not_tried_twice_and_thoroughly_only_where_a_bracket_ends():
@@ -136,7 +136,7 @@ def test_all_is_tried_thoroughly_if_nothing_helps_quickly():
     (remedy,) = search.remedies
     assert remedy.field == "a"
     assert 5.0 <= remedy.after <= 1.05 * 5.0
-    assert search.in_vain == ("b", "c", "d")
+    assert search.ineffective == ("b", "c", "d")
     assert "d" not in {field for field, _ in trials.thorough}
 
 
@@ -148,7 +148,7 @@ def test_what_was_found_is_kept_when_the_search_is_stopped():
     assert not all(remedy.is_smallest for remedy in search.remedies)
     assert all(remedy.after >= EVERYWHERE[remedy.field] for remedy in search.remedies)
     # It was not tried by as much as makes sense: nobody knows.
-    assert search.in_vain == ()
+    assert search.ineffective == ()
     changes = [simple_change(field) for field in "abc"]
     trials = StubTrials({"a": 0.4}, budget=2, helps=False, stop=KeyboardInterrupt)
     search = HeadroomSearch(trials, changes)

@@ -13,7 +13,7 @@ from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import certificate_text, rendered
 from tubeplanner.output.page.explanation_page import view_explanation
 from tubeplanner.planning.options import PlanOptions
-from tubeplanner.studies.explanation import Explanation, in_vain_text, setting_text, tried_text
+from tubeplanner.studies.explanation import Explanation, ineffective_text, setting_text, tried_text
 from tubeplanner.studies.explanation import explain as search
 from tubeplanner.studies.remedies import Headroom, Remedy
 from tubeplanner.writing import require_writable
@@ -115,8 +115,8 @@ def _remedy_lines(explanation: Explanation) -> list[str]:
     if explanation.remedies:
         changes = explanation.remedies[0].changes
         lines = [_remedy_table(explanation.remedies), f"the first one: {setting_text(changes)}"]
-    if explanation.in_vain:
-        lines.append(f"by itself none of these helps: {in_vain_text(explanation.in_vain)}")
+    if explanation.ineffective:
+        lines.append(f"by itself none of these helps: {ineffective_text(explanation.ineffective)}")
     return lines
 
 

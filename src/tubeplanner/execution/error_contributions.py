@@ -152,7 +152,7 @@ class BlamedError:
     Attributes:
         error: Its name in the field robustness.
         size: Its size there.
-        short: The shortfall without it, in the unit of `Blame`.
+        short: The shortfall without it, in the unit of `ErrorContribution`.
     """
 
     error: str
@@ -161,7 +161,7 @@ class BlamedError:
 
 
 @dataclass(frozen=True)
-class Blame:
+class ErrorContribution:
     """The contributions of all errors to the largest shortfall of a motion.
 
     Attributes:
@@ -204,7 +204,7 @@ def blamed_errors(
     trajectory: JointTrajectory,
     errors: Robustness,
     checkpoint: Callable[[], None],
-) -> Blame:
+) -> ErrorContribution:
     """Return the contribution of each error to a motion's largest shortfall.
 
     Args:
@@ -227,7 +227,9 @@ def blamed_errors(
     ]
     without_any = shortfall(_without(errors, *present)).most(kind)
     without.sort(key=lambda error: error.short)
-    return Blame(kind, _UNITS.get(kind, "m"), with_all.most(kind), without_any, tuple(without))
+    return ErrorContribution(
+        kind, _UNITS.get(kind, "m"), with_all.most(kind), without_any, tuple(without)
+    )
 
 
 def _without(errors: Robustness, *names: str) -> Robustness:

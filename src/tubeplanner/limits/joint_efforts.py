@@ -344,9 +344,9 @@ def require_held(
     gravity = problem.robot.gravity_effort(q[None])
     directions = _slow_efforts(problem, q, gravity, must_leave)
     beyond = _beyond(directions)
-    lacking = beyond.min(axis=0)
-    joint = int(lacking.argmax())
-    if lacking[joint] <= 0:
+    shortfall = beyond.min(axis=0)
+    joint = int(shortfall.argmax())
+    if shortfall[joint] <= 0:
         return
     needed, allowed = directions[int(beyond[:, joint].argmin())]
     side = int((needed - allowed)[:, joint].argmax())
@@ -356,7 +356,7 @@ def require_held(
     mass = _held_mass(problem, q, gravity, must_leave) if is_given else None
     limits = (problem.robot.limits.effort[joint], problem.robot.motors.saturation_effort[joint])
     tolerated = _PROVED * MARGIN_TOLERANCE * max(limit for limit in limits if limit < np.inf)
-    proved = is_given and bool(lacking[joint] > tolerated)
+    proved = is_given and bool(shortfall[joint] > tolerated)
     raise effort_refusal(at, 0, joint, needed_most, allowed_most, mass=mass, proved=proved)
 
 

@@ -266,7 +266,7 @@ class LinkConstraints:
         result._seen = None
         return result
 
-    def look(self, spline: PhasedSpline) -> bool:
+    def add_samples(self, spline: PhasedSpline) -> bool:
         """Watch pairs at local minima of their clearance; return True if a new one is too close."""
         if len(self._pairs) == 0:
             return False
@@ -287,7 +287,7 @@ class LinkConstraints:
         at = samples.where(sample)
         return self._watch(spline, at, pair, clearance[sample, pair], _SAME_FRACTION)
 
-    def look_at(self, spline: PhasedSpline, samples: Samples) -> None:
+    def set_samples(self, spline: PhasedSpline, samples: Samples) -> None:
         """Watch the pairs that come close at samples."""
         q = sampled(spline, samples).position
         required = self._required(spline).at(spline.grid, samples, q)

@@ -336,8 +336,8 @@ def smoothness_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: 
         spline: The motion.
         run_in: Its duration [s].
     """
-    looks = spline.grid.samples_at(spline.switching_times, np.linspace(0.0, 1.0, _LOOKS))
-    at = sampled(spline, looks)
+    option_sets = spline.grid.samples_at(spline.switching_times, np.linspace(0.0, 1.0, _LOOKS))
+    at = sampled(spline, option_sets)
     travel = np.ptp(at.position, axis=0)
     limit = problem.robot.limits.effort
     q, v, a = at.by_x[:3]

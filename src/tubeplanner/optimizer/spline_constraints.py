@@ -234,18 +234,18 @@ class SplineConstraints:
         parts = [constraint.slack(duration, squared_duration) for constraint in trial.constraints]
         return np.concatenate(parts)
 
-    def look_for_links(self, spline: PhasedSpline) -> bool:
+    def add_link_samples(self, spline: PhasedSpline) -> bool:
         """Watch links where they come close; return True if a new pair is too close."""
-        return self._links.look(spline)
+        return self._links.add_samples(spline)
 
     def between_samples(self, spline: PhasedSpline) -> Iterate:
         """Return a spline with its constraints at dense samples."""
         dense = self._dense_samples
         return self._at(spline, dict.fromkeys(self._watched_samples, dense), dense)
 
-    def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
+    def add_samples_between(self, current: Iterate) -> tuple[Iterate, bool]:
         """Return a spline with its constraints at dense samples, and whether samples were added."""
-        has_more = self.look_for_links(current.spline)
+        has_more = self.add_link_samples(current.spline)
         worst, dense = self.between_samples(current.spline), self._dense_samples
         tube, *_ = worst.regions
         if self._ask_for_missed(tube.vector):
@@ -283,7 +283,7 @@ class SplineConstraints:
         spacing = float(width / (len(_DENSE_SAMPLES) - 1))
         around = self._grid.samples_at(times, np.clip(x + _BESIDE * spacing, 0.0, 1.0))
         self._tube_samples = self._tube_samples.and_also(samples).and_also(around)
-        self._links.look_at(spline, samples)
+        self._links.set_samples(spline, samples)
 
     def watch(self, spline: PhasedSpline, x: FloatArray) -> Samples:
         """Add samples of limits on the speed at instants (N,) from 0 to 1; return the samples."""

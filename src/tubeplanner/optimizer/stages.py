@@ -131,7 +131,7 @@ class Refinement:
         for level, parts in enumerate(self._divisions, 1):
             is_last = level == len(self._divisions)
             self._begin_level(spline.grid, links, widens=self._widens)
-            self._program.constraints.look_for_links(spline)
+            self._program.constraints.add_link_samples(spline)
             # The fewest knots may be too few to go round an obstacle: a last try has some more.
             is_decisive = is_last and has_enough_knots(spline.grid)
             is_second_of_last_try = level > 1 and is_decisive and not self._widens
@@ -143,9 +143,9 @@ class Refinement:
             spline, trust = subdivided(coarse.spline, parts), _LATER_TRUST
             links = self._program.constraints.links_on(coarse.spline, spline)
         self._begin_level(spline.grid, links, widens=False)
-        self._program.constraints.look_for_links(spline)
+        self._program.constraints.add_link_samples(spline)
         begun = self._begun(spline)
-        if _dodged(begun):
+        if _passed_through(begun):
             self._best, self._gave_up = begun, True
         else:
             self._exchange(self._improved(begun, trust, _GAIN, _MAX_STEPS))
@@ -159,7 +159,7 @@ class Refinement:
         """
         spline = self._start
         self._begin_level(spline.grid, LinkConstraints(self._problem), widens=False)
-        self._program.constraints.look_for_links(spline)
+        self._program.constraints.add_link_samples(spline)
         self._exchange(self._improved(self._begun(spline), _NEAR_TRUST, _GAIN, _MAX_STEPS))
         return True
 
@@ -187,7 +187,7 @@ class Refinement:
         for time in times:
             self._program.constraints.add_samples(spline, time / duration)
         again = self._program.iterate(spline)
-        if _dodged(again):
+        if _passed_through(again):
             self._gave_up = True
             return False
         self._exchange(self._improved(again, _LAST_TRUST, _LAST_GAIN, _MAX_STEPS))
@@ -208,7 +208,7 @@ class Refinement:
         for _ in range(_MAX_COARSE_ROUNDS):
             if _has_settled_inside(result):
                 break
-            if not self._program.constraints.look_for_links(result.iterate.spline):
+            if not self._program.constraints.add_link_samples(result.iterate.spline):
                 break
             again = self._program.iterate(result.iterate.spline)
             result = self._improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
@@ -239,7 +239,7 @@ class Refinement:
             again = self._program.iterate(result.iterate.spline)
             result = replace(result, iterates=(again,), has_ended=False)
         for _ in range(_MAX_ROUNDS):
-            dense, has_more = self._program.constraints.look_between_samples(result.iterate)
+            dense, has_more = self._program.constraints.add_samples_between(result.iterate)
             inside = dense.excess <= MERIT_TOLERANCE
             if inside and (best is None or dense.squared_duration < best.squared_duration):
                 best = dense
@@ -247,7 +247,7 @@ class Refinement:
             if inside and result.has_ended and (near or not has_more):
                 break
             again = self._program.iterate(result.iterate.spline)
-            dodges += _dodged(again)
+            dodges += _passed_through(again)
             if best is None and (_has_settled_inside(result) or dodges == _MAX_DODGES):
                 self._gave_up = True
                 break
@@ -277,7 +277,7 @@ def _has_settled_inside(result: Improved) -> bool:
     return result.has_ended and _is_hopeless(result.iterate)
 
 
-def _dodged(again: Iterate) -> bool:
+def _passed_through(again: Iterate) -> bool:
     """Return True if links are deep in an obstacle at new samples: they passed between the old."""
     return bool(again.links.excess.max(initial=0.0) > _DODGED)
 
@@ -459,7 +459,7 @@ class SecondStage:
             Infeasible: Status no_trajectory: the motors cannot hold the shortest motion.
         """
         constraints, start = self._program.constraints, self._start
-        constraints.look_for_links(start)
+        constraints.add_link_samples(start)
         first = TrustRegion(_SMOOTHING_TRUST, _FIRST_DAMPING)
         # Where wide blending needs more time than there is, friction is blended as in refinement.
         return self._improved(self._begun(start), first) or (
@@ -513,7 +513,7 @@ class SecondStage:
 
     def _looked_at(self, iterate: Iterate) -> bool:
         """Return True if a motion is an answer between samples too; add samples where it fails."""
-        dense, _ = self._program.constraints.look_between_samples(iterate)
+        dense, _ = self._program.constraints.add_samples_between(iterate)
         if dense.excess > MERIT_TOLERANCE:
             return False
         longest = self._longest * (1 - _BETWEEN_LOOKS)

@@ -94,7 +94,7 @@ class TiedLegs:
         descent = Descent(programs, is_tied)
         for program, spline, ends_openly in zip(programs, splines, is_tied, strict=True):
             program.constraints.blend(BLENDED)
-            program.constraints.look_for_links(spline)
+            program.constraints.add_link_samples(spline)
             if ends_openly:  # where links may touch
                 program.constraints.add_samples(spline, 1.0)
         begun = Improved(_iterates(programs, splines), TrustRegion(_FIRST_TRUST), FIRST_PENALTY)
@@ -104,7 +104,7 @@ class TiedLegs:
         for _ in range(_MAX_ROUNDS):
             each = zip(programs, result.iterates, strict=True)
             # Not lazily: every leg adds the samples that it lacks.
-            has_more = [program.constraints.look_between_samples(own)[1] for program, own in each]
+            has_more = [program.constraints.add_samples_between(own)[1] for program, own in each]
             if result.has_ended and not any(has_more):
                 break
             again = _iterates(programs, [iterate.spline for iterate in result.iterates])

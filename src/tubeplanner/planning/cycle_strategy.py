@@ -22,9 +22,9 @@ from tubeplanner.planning.cycle_legs import greedy_plan, shared_plan
 from tubeplanner.planning.cycle_result import BlockedLeg, CycleResult, LegPlan, cycle_sensitivities
 from tubeplanner.planning.necessary_conditions import require_within_bound
 from tubeplanner.planning.options import PlanOptions
-from tubeplanner.planning.result import refused_result, with_grounds
+from tubeplanner.planning.result import refused_result, with_diagnosis
 from tubeplanner.planning.second_stage import followed_plan
-from tubeplanner.planning.strategy import require_honoured
+from tubeplanner.planning.strategy import require_supported
 from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
@@ -66,7 +66,7 @@ def plan_cycle(
     Cycle.require(cycle)
     options = given_options(options, PlanOptions)
     for k in range(len(cycle.legs)):
-        require_honoured(cycle.problem_from_anywhere(k), options)
+        require_supported(cycle.problem_from_anywhere(k), options)
     clock = PlanningClock(options.time_limit, progress)
     doubts = cycle_doubts(cycle)
     try:
@@ -189,7 +189,7 @@ def _blocked(
     Raises:
         KeyboardInterrupt: Ctrl-C stopped the leg's planning.
     """
-    result, leg = with_grounds(blocked.result), cycle.legs[blocked.leg]
+    result, leg = with_diagnosis(blocked.result), cycle.legs[blocked.leg]
     if result.status is PlanStatus.INTERRUPTED:
         raise KeyboardInterrupt
     where = cycle.called(blocked.leg)

@@ -45,7 +45,7 @@ _RADIUS_FRACTION = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Spot:
+class BlockingSample:
     """A sample of the tool's path.
 
     Attributes:
@@ -67,7 +67,9 @@ class Spot:
     is_goal: bool = False
 
 
-def path_spots(problem: PlanningProblem, end: Place, is_wide: bool = False) -> list[Spot]:
+def path_samples(
+    problem: PlanningProblem, end: Place, is_wide: bool = False
+) -> list[BlockingSample]:
     """Return the samples at which the arm must have a configuration.
 
     Inner reference points, the goal if it is open, then samples between; of a long path only
@@ -84,32 +86,36 @@ def path_spots(problem: PlanningProblem, end: Place, is_wide: bool = False) -> l
     around = next((k for k in range(last + 1) if tube.segment_number(k) == end.segment), 0)
     nearest = sorted(range(last + 1), key=lambda k: abs(k - around))[: _MAX_SEGMENTS - 1]
     segments = sorted({*nearest, last})
-    spots = []
+    samples = []
     for k in segments:
         if k < last:
             tool, number, both = tube.points[k + 1], int(tube.numbers[k + 1]), (k, k + 1)
             allowed = _RADIUS_FRACTION * float(tube.effective_radius[list(both)].min())
             place = Place(segment=tube.segment_number(k, tool), point=number).at(tool)
-            spots.append(Spot(f"reference point {number}", both, tool, allowed, place, both))
+            samples.append(
+                BlockingSample(f"reference point {number}", both, tool, allowed, place, both)
+            )
     goal = problem.open_goal
     if goal is not None:
         number = tube.segment_number(last, goal.position)
         place = Place(segment=number, point=int(tube.numbers[-1])).at(goal.position)
         rows = (last, tube.segment_count) if goal.bounds_rotation else (last,)
-        spot = Spot("goal", (last,), goal.position, goal.tolerance, place, rows, is_goal=True)
-        spots.append(spot)
-    spots += [spot for k in segments for spot in _inside(problem, k, end)]
+        sample = BlockingSample(
+            "goal", (last,), goal.position, goal.tolerance, place, rows, is_goal=True
+        )
+        samples.append(sample)
+    samples += [sample for k in segments for sample in _inside(problem, k, end)]
     if not is_wide:
-        return spots
+        return samples
     corners = largest_distances(tube)
-    for i, spot in enumerate(spots):
-        if not spot.is_goal:
-            widest = corners if len(spot.segments) > 1 else tube.effective_radius
-            spots[i] = replace(spot, allowed=float(widest[spot.segments[0]]))
-    return spots
+    for i, sample in enumerate(samples):
+        if not sample.is_goal:
+            widest = corners if len(sample.segments) > 1 else tube.effective_radius
+            samples[i] = replace(sample, allowed=float(widest[sample.segments[0]]))
+    return samples
 
 
-def _inside(problem: PlanningProblem, segment: int, end: Place) -> list[Spot]:
+def _inside(problem: PlanningProblem, segment: int, end: Place) -> list[BlockingSample]:
     """Return the middle of a segment, and a branch's end inside the segment."""
     tube = problem.tube
     begin = tube.points[segment]
@@ -120,7 +126,7 @@ def _inside(problem: PlanningProblem, segment: int, end: Place) -> list[Spot]:
     allowed = _RADIUS_FRACTION * float(tube.effective_radius[segment])
     places = [Place(segment=tube.segment_number(segment, tool)).at(tool) for tool in tools]
     return [
-        Spot("reference points", (segment,), tool, allowed, place, (segment,))
+        BlockingSample("reference points", (segment,), tool, allowed, place, (segment,))
         for tool, place in zip(tools, places, strict=True)
     ]
 
@@ -137,7 +143,7 @@ _Accepts: TypeAlias = Callable[[FloatArray], bool]
 _Check: TypeAlias = Callable[["_Configurations"], Infeasible | None]
 
 
-def blocked_spot(
+def blocking_sample(
     problem: PlanningProblem,
     start: FloatArray,
     end: Place,
@@ -158,28 +164,28 @@ def blocked_spot(
     checks = [*_POSITION_CHECKS, _not_free]
     if problem.rotation is not None:
         checks += _TURNED_CHECKS
-    return _first_reason(problem, start, path_spots(problem, end), checks, checkpoint)
+    return _first_reason(problem, start, path_samples(problem, end), checks, checkpoint)
 
 
-def surely_blocked_spot(
+def certain_blocking_sample(
     problem: PlanningProblem, start: FloatArray, checkpoint: Callable[[], None] = lambda: None
 ) -> Infeasible | None:
-    """Return the reason of `blocked_spot`, for any orientation and anywhere in the tube.
+    """Return the reason of `blocking_sample`, for any orientation and anywhere in the tube.
 
     It is quicker than that, and less doubtful.
     """
-    spots = path_spots(problem, Place(), is_wide=True)
-    return _first_reason(problem, start, spots, [*_POSITION_CHECKS, _not_free], checkpoint)
+    samples = path_samples(problem, Place(), is_wide=True)
+    return _first_reason(problem, start, samples, [*_POSITION_CHECKS, _not_free], checkpoint)
 
 
 def _first_reason(
     problem: PlanningProblem,
     start: FloatArray,
-    spots: list[Spot],
+    samples: list[BlockingSample],
     checks: Sequence[_Check],
     checkpoint: Callable[[], None],
 ) -> Infeasible | None:
-    configurations = [_Configurations(problem, spot, start) for spot in spots]
+    configurations = [_Configurations(problem, sample, start) for sample in samples]
     for check in checks:
         for at in configurations:
             checkpoint()
@@ -195,12 +201,12 @@ class _Configurations:
 
     Attributes:
         problem: The planning problem.
-        spot: The sample.
+        sample: The sample.
         start: The start configuration, shape (n,).
     """
 
     problem: PlanningProblem
-    spot: Spot
+    sample: BlockingSample
     start: FloatArray
 
     @property
@@ -217,7 +223,7 @@ class _Configurations:
     @property
     def bounds(self) -> _Bounds:
         """Bounds of position limits and joint signs."""
-        segments = list(self.spot.segments)
+        segments = list(self.sample.segments)
         lower, upper = self.problem.joint_lower[segments], self.problem.joint_upper[segments]
         return lower.max(axis=0), upper.min(axis=0)
 
@@ -251,11 +257,11 @@ class _Configurations:
         return [self.start, *spread_seeds(*self.bounds)[:_MAX_SEEDS]]
 
     def _solved(self, seed: FloatArray, bounds: _Bounds, oriented: bool) -> PositionSolution:
-        robot, spot, tube = self.problem.robot, self.spot, self.problem.rotation
+        robot, sample, tube = self.problem.robot, self.sample, self.problem.rotation
         if tube is None or not oriented:
-            return solve_position(robot, spot.tool, seed, *bounds)
-        rows = spot.rotation_rows
-        return solve_within_tolerance(robot, spot.tool, tube, rows, seed, *bounds)
+            return solve_position(robot, sample.tool, seed, *bounds)
+        rows = sample.rotation_rows
+        return solve_within_tolerance(robot, sample.tool, tube, rows, seed, *bounds)
 
     def unbounded(self, *, oriented: bool) -> FloatArray:
         """Return configurations (c, n) with the tool here, joints without bounds."""
@@ -269,7 +275,7 @@ class _Configurations:
 
     def is_there(self, solution: PositionSolution, *, oriented: bool) -> bool:
         """Return True if a solution has the tool here and, if `oriented`, keeps the rotation."""
-        if solution.error > self.spot.allowed + _REACHED:
+        if solution.error > self.sample.allowed + _REACHED:
             return False
         return not oriented or solution.rotation_error <= MARGIN_TOLERANCE
 
@@ -295,20 +301,20 @@ class _Configurations:
     def is_free(self, q: FloatArray) -> bool:
         """Return True if a configuration (n,) is free, or nearly so by the tool's allowance."""
         depth = -clear_by(self.problem, q, self.required(q)).min(initial=np.inf)
-        return bool(depth <= self.spot.allowed + MARGIN_TOLERANCE)
+        return bool(depth <= self.sample.allowed + MARGIN_TOLERANCE)
 
     def required(self, q: FloatArray) -> FloatArray:
         """Return the required distances of all pairs in a configuration (n,), shape (P,) [m]."""
-        required = RequiredDistances(self.problem, self.start, q if self.spot.is_goal else None)
+        required = RequiredDistances(self.problem, self.start, q if self.sample.is_goal else None)
         tool = self.problem.robot.tool_position(q[None])
-        rows = [required.at(np.array([segment]), tool)[0] for segment in self.spot.segments]
+        rows = [required.at(np.array([segment]), tool)[0] for segment in self.sample.segments]
         least: FloatArray = np.min(rows, axis=0)
         return least
 
     def unreachable(self, reason: str, joint: str | None = None) -> Infeasible:
         """Return the refusal that the tool cannot be here, for a reason, perhaps of a joint."""
-        message = f"{self.spot.place}: {reason}"
-        place = replace(self.spot.place, joint=joint)
+        message = f"{self.sample.place}: {reason}"
+        place = replace(self.sample.place, joint=joint)
         return Infeasible(PlanStatus.UNREACHABLE, message, place, starts=self.starts)
 
 
@@ -318,7 +324,7 @@ def _out_of_reach(at: _Configurations) -> Infeasible | None:
     near = at.nearest(at.free)
     return at.unreachable(
         f"the tool was brought no nearer than {near:.4g} m, the joints without limits; move the "
-        f"{at.spot.name} nearer"
+        f"{at.sample.name} nearer"
     )
 
 
@@ -328,7 +334,7 @@ def _out_of_bounds(at: _Configurations) -> Infeasible | None:
     what, outside = _least_outside(at, oriented=False)
     return at.unreachable(
         f"the tool was brought no nearer than {at.nearest(at.bounds):.4g} m: {what} are in the "
-        f"way, {outside.words}; change them or move the {at.spot.name}",
+        f"way, {outside.words}; change them or move the {at.sample.name}",
         at.problem.robot.joint_names[outside.joint],
     )
 
@@ -338,7 +344,7 @@ def _not_held(at: _Configurations, *, oriented: bool = False) -> Infeasible | No
 
 
 def _not_free(at: _Configurations, *, oriented: bool = False) -> Infeasible | None:
-    name = at.spot.name if at.spot.is_goal else str(at.spot.place)
+    name = at.sample.name if at.sample.is_goal else str(at.sample.place)
 
     def require(q: FloatArray) -> None:
         require_free(at.problem, name, q, at.required(q))
@@ -352,7 +358,7 @@ def _rotated_away(at: _Configurations) -> Infeasible | None:
     solutions = list(at.solutions(at.free, oriented=True))
     near = [each for each in solutions if at.is_there(each, oriented=False)] or solutions
     outside = min(each.rotation_error for each in near)
-    row = min(at.spot.rotation_rows, key=at.tightest)
+    row = min(at.sample.rotation_rows, key=at.tightest)
     off = f"there the tool was brought no nearer to it than {outside:.3g} rad"
     return at.unreachable(explain_rotation(at.problem, row, off))
 
@@ -361,10 +367,10 @@ def _rotated_out_of_bounds(at: _Configurations) -> Infeasible | None:
     if at.first(at.bounds, oriented=True) is not None:
         return None
     what, outside = _least_outside(at, oriented=True)
-    number = at.problem.tube.segment_number(at.spot.segments[0])
+    number = at.problem.tube.segment_number(at.sample.segments[0])
     return at.unreachable(
         f"{what} are in the way of the orientation asked, {outside.words}; change them, widen "
-        f"tube.rotation_tolerance[{number}], change tube.orientations or move the {at.spot.name}",
+        f"tube.rotation_tolerance[{number}], change tube.orientations or move the {at.sample.name}",
         at.problem.robot.joint_names[outside.joint],
     )
 
@@ -386,8 +392,8 @@ def _without(
     try:
         require(first)
     except Infeasible as reason:
-        spot = at.spot.place
-        place = replace(reason.place, segment=spot.segment, point=spot.point)
+        sample = at.sample.place
+        place = replace(reason.place, segment=sample.segment, point=sample.point)
         return reason.replaced(starts=at.starts, place=place)
     return None
 
@@ -395,14 +401,14 @@ def _without(
 def _least_outside(at: _Configurations, *, oriented: bool) -> tuple[str, OutsideBounds]:
     """Return the joint outside its bounds by the least, after the name of the bounds."""
     outside = outside_bounds(at.problem.robot, at.unbounded(oriented=oriented), *at.bounds)
-    return bounded_by(at.problem, at.spot.segments, outside), outside
+    return bounded_by(at.problem, at.sample.segments, outside), outside
 
 
 # Of a branch or certificate with these, the end may not be the obstruction itself.
 _SYMPTOMS = (PlanStatus.UNREACHABLE, PlanStatus.NO_TRAJECTORY, PlanStatus.CERTIFICATE_FAILED)
 
 
-def right_reason(
+def refined_diagnosis(
     problem: PlanningProblem, branches: KnownBranches, result: PlanResult, clock: PlanningClock
 ) -> PlanResult:
     """Return a result without a trajectory, with the reason that comes first.
@@ -416,7 +422,7 @@ def right_reason(
     try:
         clock.enter("what is in the way")
         start = branches.require_ends()[0]
-        reason = blocked_spot(problem, start, result.place, clock.check)
+        reason = blocking_sample(problem, start, result.place, clock.check)
         if reason is None and not is_blocked and problem.rotation is not None:
             branches.position_only()
     except TimeLimitReached:

@@ -257,7 +257,7 @@ def _passed_by(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
     )
 
 
-def with_grounds(result: PlanResult) -> PlanResult:
+def with_diagnosis(result: PlanResult) -> PlanResult:
     """Return a result; messages of refusals tell proof from search.
 
     The messages of stopped planning, and of plans that do not survive, stay as they are.
@@ -265,10 +265,10 @@ def with_grounds(result: PlanResult) -> PlanResult:
     if result.proved is None or result.survival is not None:
         return result
     if result.proved:
-        grounds = "proved: there is no motion"
+        diagnosis = "proved: there is no motion"
     elif not result.starts_tried:
-        grounds = "not found"
+        diagnosis = "not found"
     else:
         plural = "s" if result.starts_tried > 1 else ""
-        grounds = f"not found, {result.starts_tried} start{plural} tried"
-    return replace(result, message=f"{result.message}; {grounds}")
+        diagnosis = f"not found, {result.starts_tried} start{plural} tried"
+    return replace(result, message=f"{result.message}; {diagnosis}")

@@ -11,7 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tubeplanner.execution.error_contributions import Blame, blamed_errors, simulated_runs
+from tubeplanner.execution.error_contributions import (
+    ErrorContribution,
+    blamed_errors,
+    simulated_runs,
+)
 from tubeplanner.execution.plants import Draw
 from tubeplanner.execution.run_verdict import KEPT, RunVerdict, run_verdict, summaries
 from tubeplanner.geometry.tube.tube import narrowed_tube
@@ -104,7 +108,7 @@ class _Search:
         self._verdict: RunVerdict | None = None
         self._verdict_without: RunVerdict | None = None
         self._costs: dict[str, float] = {}
-        self._blame: Blame | None = None
+        self._contribution: ErrorContribution | None = None
         self._failure = Place()
 
     def run(self) -> None:
@@ -134,7 +138,9 @@ class _Search:
             assert plan.trajectory is not None
             self._clock.enter("which error is to blame")
             checkpoint = self._clock.check
-            self._blame = blamed_errors(self._problem, plan.trajectory, self._errors, checkpoint)
+            self._contribution = blamed_errors(
+                self._problem, plan.trajectory, self._errors, checkpoint
+            )
 
     def keep_survivor(self) -> None:
         """Take the shortest survivor so far, if the search was stopped."""
@@ -182,8 +188,9 @@ class _Search:
             return None
         reason = Infeasible(
             PlanStatus.NO_TRAJECTORY,
-            f"no plan survives these errors; of the best one {self._verdict}; {self._blame}; "
-            "smaller errors or a wider tube would help, or more time: robot.limits.scale",
+            f"no plan survives these errors; of the best one {self._verdict}; "
+            f"{self._contribution}; smaller errors or a wider tube would help, or more time: "
+            "robot.limits.scale",
             self._failure,
         )
         return replace(refused_result(reason, self.best.result.method), survival=self._survival)
@@ -218,7 +225,7 @@ class _Search:
             duration_without=self._first.duration,
             verdict_without=self._verdict_without,
             costs=self._costs,
-            blame=self._blame,
+            contribution=self._contribution,
         )
 
 

@@ -27,7 +27,7 @@ from tubeplanner.outcome import (
     StoppedBy,
     until_stopped,
 )
-from tubeplanner.planning.diagnosis import right_reason, surely_blocked_spot
+from tubeplanner.planning.diagnosis import certain_blocking_sample, refined_diagnosis
 from tubeplanner.planning.necessary_conditions import require_possible, require_within_bound
 from tubeplanner.planning.options import (
     QUALITIES,
@@ -37,7 +37,7 @@ from tubeplanner.planning.options import (
     PlanOptions,
 )
 from tubeplanner.planning.refined_plan import RefinedPlans, continued_plan, narrowed_plan
-from tubeplanner.planning.result import PlanResult, refused_result, stopped_result, with_grounds
+from tubeplanner.planning.result import PlanResult, refused_result, stopped_result, with_diagnosis
 from tubeplanner.planning.robust_plan import robust_plan
 from tubeplanner.planning.second_stage import followed_plan
 from tubeplanner.planning.waypoint_plans import (
@@ -79,7 +79,7 @@ class Planner:
         """
         PlanningProblem.require(problem)
         self._problem, self._options = problem, given_options(options, PlanOptions)
-        require_honoured(problem, self._options)
+        require_supported(problem, self._options)
         self._last: RefinedMotion | None = None
 
     def __repr__(self) -> str:
@@ -119,7 +119,7 @@ class Planner:
             KeyboardInterrupt: Ctrl-C before anything was certified.
         """
         PlanningProblem.require(problem)
-        require_honoured(problem, self._options)
+        require_supported(problem, self._options)
         self._problem = problem
         every_start = QUALITIES[self._options.quality].every_start
         return self._answer(None if every_start else self._last, progress)
@@ -132,7 +132,7 @@ class Planner:
         try:
             problem, result = _fastest(self._problem, options, clock, last)
         except Infeasible as reason:
-            refused = with_grounds(refused_result(reason, options.method))
+            refused = with_diagnosis(refused_result(reason, options.method))
             return replace(refused, notes=(*doubts, *robot_notes(self._problem.robot)))
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
@@ -144,7 +144,7 @@ class Planner:
             result = follow(problem, result)
         robot = robot_notes(problem.robot)
         notes = (*robot, *problem.tube.notes, *doubts, *result.notes)
-        result = with_grounds(_of_poses(self._problem, result))
+        result = with_diagnosis(_of_poses(self._problem, result))
         return replace(result, planning_time=clock.elapsed, notes=tuple(dict.fromkeys(notes)))
 
 
@@ -332,7 +332,7 @@ def _shortest(
     return result
 
 
-def require_honoured(problem: PlanningProblem, options: PlanOptions) -> None:
+def require_supported(problem: PlanningProblem, options: PlanOptions) -> None:
     """Check that the method honours slack and robustness, and that MuJoCo can simulate the latter.
 
     Raises:
@@ -430,7 +430,7 @@ def _attempted(
         notes = (*continued.notes, _CONTINUED) if continued.succeeded else continued.notes
         return replace(continued, notes=notes)
     if not options.persistent:
-        blocked = surely_blocked_spot(problem, branches.require_ends()[0], clock.check)
+        blocked = certain_blocking_sample(problem, branches.require_ends()[0], clock.check)
         if blocked is not None:
             return refused_result(blocked, REFINEMENT)
     corners: StoppingPlan | None = None
@@ -465,7 +465,7 @@ def _attempted(
         if narrowed is not None:
             return narrowed
     result = _with_better_reason(_searched(problem, corners, options, clock), refined)
-    return right_reason(problem, branches, result, clock)
+    return refined_diagnosis(problem, branches, result, clock)
 
 
 def _is_last(refined: PlanResult | None) -> TypeGuard[PlanResult]:

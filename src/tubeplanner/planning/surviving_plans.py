@@ -44,7 +44,7 @@ class Candidate:
         verdict: Verdict of the runs, with enlarged errors.
         shortfall: Expected shortfall of such runs.
         wanted: Tightening without a shortfall, as far as the problem allows it.
-        lacking: Largest fraction of a tolerance by which that tightening is not allowed.
+        deficit: Largest fraction of a tolerance by which that tightening is not allowed.
         expected: Duration with that tightening, by first-order prices [s].
     """
 
@@ -53,7 +53,7 @@ class Candidate:
     verdict: RunVerdict
     shortfall: Shortfall
     wanted: Tightening
-    lacking: float
+    deficit: float
     expected: float
 
     @property
@@ -171,7 +171,7 @@ class TightenedPlans:
             run_verdict(runs),
             shortfall,
             target,
-            _lacking(problem, requested, target)
+            _deficit(problem, requested, target)
             + max(shortfall.self_collision, 0.0)
             + max(shortfall.tool_tracking, 0.0),
             (result.duration or 0.0) + more,
@@ -191,7 +191,7 @@ class TightenedPlans:
         return None if result is None else self.simulated(tightening, result, draw)
 
 
-def _lacking(problem: PlanningProblem, requested: Tightening, allowed: Tightening) -> float:
+def _deficit(problem: PlanningProblem, requested: Tightening, allowed: Tightening) -> float:
     """Return the largest fraction of a tolerance that is requested and not allowed."""
     rotation, tube = problem.tube.rotation, problem.tube
     whole = {
@@ -200,9 +200,9 @@ def _lacking(problem: PlanningProblem, requested: Tightening, allowed: Tightenin
         "clearance": tube.effective_radius.min(),
         "position": 1.0,
     }
-    lacking = [(getattr(requested, part) - getattr(allowed, part)) / whole[part] for part in _SIZES]
-    lacking.append(allowed.velocity / requested.velocity - 1)
-    return max(float(np.max(fractions)) for fractions in lacking)
+    deficit = [(getattr(requested, part) - getattr(allowed, part)) / whole[part] for part in _SIZES]
+    deficit.append(allowed.velocity / requested.velocity - 1)
+    return max(float(np.max(fractions)) for fractions in deficit)
 
 
 def _added_duration(
@@ -309,13 +309,13 @@ def _best_effort(plans: TightenedPlans, start: Candidate) -> Candidate:
             return False
         new = candidates[k] = plans.simulated(tightening, result, FEWER)
         # Tolerances that cannot be had count before the duration.
-        return (new.lacking, new.expected) < (current.lacking, current.expected)
+        return (new.deficit, new.expected) < (current.deficit, current.expected)
 
     best = 0
     for k in range(2, len(_EFFORTS), 2):
         if is_better(k, best):
             best = k
-        elif candidates[best].lacking <= 0:
+        elif candidates[best].deficit <= 0:
             break
     for k in (best - 1, best + 1):
         if 0 < k < len(_EFFORTS) and is_better(k, best):
@@ -325,7 +325,7 @@ def _best_effort(plans: TightenedPlans, start: Candidate) -> Candidate:
 
 def _is_surely_longer(result: PlanResult, other: Candidate) -> bool:
     """Return True if a plan takes longer than another's expected duration."""
-    if not other.survives and other.lacking > 0:
+    if not other.survives and other.deficit > 0:
         return False
     return (result.duration or np.inf) >= other.expected
 
@@ -343,7 +343,7 @@ def _refined(plans: TightenedPlans, candidate: Candidate) -> Candidate:
         had_survivor, now = best.survives, following
         best = _better(best, now)
         has_failed = had_survivor and not now.survives
-        if now.lacking > 0 or has_failed or (now.survives and not _gains(now, now)):
+        if now.deficit > 0 or has_failed or (now.survives and not _gains(now, now)):
             break
     return best
 
@@ -356,7 +356,7 @@ def _with_less_effort(plans: TightenedPlans, candidate: Candidate, best: Candida
         if result is None or (best.survives and _is_surely_longer(result, best)):
             break
         lower = plans.simulated(tightening, result, FEWER)
-        if not best.survives or (lower.lacking <= 0 and _gains(lower, best)):
+        if not best.survives or (lower.deficit <= 0 and _gains(lower, best)):
             before, best = best, _better(best, _refined(plans, lower))
             if before.survives and best is before:
                 break

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.execution.error_contributions import Blame
+from tubeplanner.execution.error_contributions import ErrorContribution
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.geometry.tube.tube import Tube, narrowed_tube
 from tubeplanner.task.demands import Robustness
@@ -176,7 +176,7 @@ class Survival:
         verdict_without: Verdict of the same runs with that plan; None if that plan is the answer,
             or planning was stopped before.
         costs: Cost of each part of the tightening, by name [s]; their sum is the whole cost.
-        blame: Contributions of errors; None where the plan survives at little cost.
+        contribution: Contributions of errors; None where the plan survives at little cost.
     """
 
     errors: Robustness
@@ -186,7 +186,7 @@ class Survival:
     duration_without: float
     verdict_without: RunVerdict | None
     costs: Mapping[str, float]
-    blame: Blame | None = None
+    contribution: ErrorContribution | None = None
 
     __repr__ = short_repr
 
@@ -222,13 +222,13 @@ class Survival:
 
     @property
     def _blamed(self) -> tuple[str, ...]:
-        if self.blame is None:
+        if self.contribution is None:
             return ()
-        is_short = self.blame.short > 0
+        is_short = self.contribution.short > 0
         if self.reached:
-            return (f"the plan without robustness: {self.blame}",) if is_short else ()
+            return (f"the plan without robustness: {self.contribution}",) if is_short else ()
         none = "no plan was found that survives errors 1.3 times as large"
-        return (f"{none}: {self.blame}" if is_short else none,)
+        return (f"{none}: {self.contribution}" if is_short else none,)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""
@@ -241,7 +241,7 @@ class Survival:
             "duration_without": self.duration_without,
             "kept_back": self.tightening.as_dict(),
             "costs": dict(self.costs),
-            "blame": None if self.blame is None else self.blame.as_dict(),
+            "blame": None if self.contribution is None else self.contribution.as_dict(),
         }
 
 

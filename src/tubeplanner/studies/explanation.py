@@ -131,7 +131,7 @@ class Explanation:
         invalid: The reason for which it is invalid, and its parts that can be drawn; None if valid.
         remedies: Single changes with which it was planned, the smallest for its scale first; empty
             if the problem itself was planned.
-        in_vain: Paths of changes that do not help up to their largest sensible size.
+        ineffective: Paths of changes that do not help up to their largest sensible size.
         headrooms: Headroom of single quantities; empty unless the problem was planned.
         tried: Number of plans with changes.
         stopped_by: "time_limit" or "interrupt" if that ended the search early; None: it is
@@ -143,7 +143,7 @@ class Explanation:
     result: PlanResult | None
     invalid: InvalidProblem | None
     remedies: tuple[Remedy, ...] = ()
-    in_vain: tuple[str, ...] = ()
+    ineffective: tuple[str, ...] = ()
     headrooms: tuple[Headroom, ...] = ()
     tried: int = 0
     stopped_by: StoppedBy | None = None
@@ -200,7 +200,7 @@ class Explanation:
             "where": self.place.as_dict(),
             "stopped_by": self.stopped_by,
             "remedies": [remedy.as_dict() for remedy in self.remedies],
-            "in_vain": list(self.in_vain),
+            "in_vain": list(self.ineffective),
             "room": [headroom.as_dict() for headroom in self.headrooms],
             "tried": self.tried,
         }
@@ -284,7 +284,7 @@ def _with_remedies(outcome: Explanation, question: Question, trials: Trials) -> 
     return replace(
         outcome,
         remedies=search.remedies,
-        in_vain=search.in_vain,
+        ineffective=search.ineffective,
         tried=trials.count,
         stopped_by=stopped_by,
     )
@@ -369,7 +369,7 @@ _KINDS = (
 )
 
 
-def in_vain_text(paths: Iterable[str]) -> str:
+def ineffective_text(paths: Iterable[str]) -> str:
     """Return the changes that do not help in words, by the paths of their fields."""
     groups: dict[int | str, list[str]] = {}
     for path in paths:

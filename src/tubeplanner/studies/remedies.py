@@ -142,7 +142,7 @@ class RemedySearch:
         return tuple(map(_remedy, result.values()))
 
     @property
-    def in_vain(self) -> tuple[str, ...]:
+    def ineffective(self) -> tuple[str, ...]:
         """Paths of fields that help in no direction, up to the largest sensible size."""
         failed = [
             bracket for bracket in self._brackets if bracket.larger is None and bracket.is_done

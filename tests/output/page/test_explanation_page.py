@@ -24,7 +24,7 @@ from tubeplanner.output.page.scene import Layer
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies.changes import Question
-from tubeplanner.studies.explanation import InvalidProblem, in_vain_text
+from tubeplanner.studies.explanation import InvalidProblem, ineffective_text
 
 QUICK = PlanOptions(quality="fast")
 PROBLEM = parse_problem(PLANAR)
@@ -81,7 +81,7 @@ def test_solids_touch_between_them_and_of_several_pieces_the_deepest_counts():
 
 def test_the_place_is_marked_and_what_helps_is_listed(tmp_path):
     path = gantry(tmp_path, tube=BEYOND)
-    shown = view_explanation(explanation := known(path, remedies=(REMEDY,), in_vain=("tube",)))
+    shown = view_explanation(explanation := known(path, remedies=(REMEDY,), ineffective=("tube",)))
     (core,) = [item for item in shown.scene.items if item.name == "core"]
     assert core.surface.vertices.mean(axis=0) == pytest.approx(explanation.place.position, abs=1e-3)
     assert Layer.BLOCKED in shown.scene.layers
@@ -94,8 +94,8 @@ def test_the_place_is_marked_and_what_helps_is_listed(tmp_path):
     assert line["text"] == "wider"
     assert line["setting"] == "--set 'tube.rotation_tolerance=[[0.3, 0.3, .inf]]'"
     assert (len(line["details"]), line["details"][-1]) == (3, "not enough: 0.29 rad")
-    assert panel["more"] == [f"By itself none of these helps: {in_vain_text(('tube',))}"]
-    nothing = replace(explanation, remedies=(), in_vain=(), stopped_by="interrupt")
+    assert panel["more"] == [f"By itself none of these helps: {ineffective_text(('tube',))}"]
+    nothing = replace(explanation, remedies=(), ineffective=(), stopped_by="interrupt")
     panel = view_explanation(nothing).panel["findings"]
     assert panel["title"] == "No single change was found that makes it possible"
     assert panel["more"] == ["The search was ended early: there may be more"]

@@ -43,9 +43,11 @@ def of_layer(scene, layer):
 def test_every_link_that_has_looks_has_a_mesh_and_the_page_can_be_mailed(shown):
     scene, page = shown("ur5/over_the_wall").scene, shown("ur5/over_the_wall").html
     urdf = scene.problem.robot.urdf
-    looks = {name for name in urdf.links if urdf.link_element(name).find("visual") is not None}
+    option_sets = {
+        name for name in urdf.links if urdf.link_element(name).find("visual") is not None
+    }
     drawn = {path for path in materials_of(recorded_commands(scene)) if "/arm/0/" in path}
-    assert {path.split("/")[-2] for path in drawn} == looks
+    assert {path.split("/")[-2] for path in drawn} == option_sets
     assert MEGABYTE < len(page.encode()) < 4 * MEGABYTE
     assert "{{" not in page[:20000]
     loads = re.findall(r"""<(?:script|link|img|iframe)[^>]*(?:src|href)=["']?[^>]*""", page[:20000])

@@ -38,8 +38,8 @@ def draw_strip(axis: "Axes", strip: BindingStrip) -> None:
 
 def _draw_span(axis: "Axes", span: Span, row: int, duration: float) -> None:
     style, width = BINDING_STYLES.get(span.kind, OTHER_BINDING), span.end - span.begin
-    look: dict[str, Any] = {"color": style.color, "hatch": style.hatch, "edgecolor": "white"}
-    axis.barh(row, width, _HEIGHT, span.begin, linewidth=0.4, zorder=2, **look)
+    options: dict[str, Any] = {"color": style.color, "hatch": style.hatch, "edgecolor": "white"}
+    axis.barh(row, width, _HEIGHT, span.begin, linewidth=0.4, zorder=2, **options)
     name = span.kind.replace("_", " ")
     if width / duration > _LETTER * (len(name) + 1):
         box = {"facecolor": style.color, "edgecolor": "none", "pad": 0.6}
@@ -55,9 +55,9 @@ def _draw_legend(axis: "Axes", strip: BindingStrip) -> None:
     handles = []
     for kind, fraction in sorted(strip.fractions.items(), key=lambda pair: -pair[1]):
         style = BINDING_STYLES.get(kind, OTHER_BINDING)
-        look: dict[str, Any] = {"facecolor": style.color, "edgecolor": "white", "linewidth": 0.4}
+        options: dict[str, Any] = {"facecolor": style.color, "edgecolor": "white", "linewidth": 0.4}
         label = f"{kind.replace('_', ' ')} {percent(fraction)}"
-        handles.append(Patch(hatch=style.hatch, label=label, **look))
+        handles.append(Patch(hatch=style.hatch, label=label, **options))
     above = 2.0 if len(handles) else 1.0
     axis.legend(
         handles=handles,
@@ -109,8 +109,8 @@ def draw_clearance(axis: "Axes", motions: Sequence[LimitedMotion]) -> None:
             is_finite = np.isfinite(pairs.distance)
             distances = np.where(is_finite, _MILLI * pairs.distance, np.nan)
             required = _MILLI * np.where(is_finite, pairs.distance - pairs.margin, np.nan)
-            look: dict[str, Any] = {"color": color, "linestyle": dashes, "linewidth": 1.6}
-            axis.plot(begin + pairs.time, distances, **look)
+            options: dict[str, Any] = {"color": color, "linestyle": dashes, "linewidth": 1.6}
+            axis.plot(begin + pairs.time, distances, **options)
             axis.plot(begin + pairs.time, required, **{**LIMIT, "color": color})
         margins = [float(pairs.margin.min()) for _, pairs in own]
         if margins and np.isfinite(min(margins)):
@@ -118,8 +118,8 @@ def draw_clearance(axis: "Axes", motions: Sequence[LimitedMotion]) -> None:
             k = int(pairs.margin.argmin())
             distance = _MILLI * float(pairs.distance[k])
             label = f"{_WORDS[kind]}: {' - '.join(pairs.names[k])}, {distance:.3g} mm"
-            look = {"color": color, "linestyle": dashes, "markersize": 5, "label": label}
-            axis.plot(begin + pairs.time[k], distance, marker="o", **look)
+            options = {"color": color, "linestyle": dashes, "markersize": 5, "label": label}
+            axis.plot(begin + pairs.time[k], distance, marker="o", **options)
     low, high = axis.get_ylim()
     axis.set_ylim(min(low, 0.0), _TOP * high)
     axis.set_ylabel("clearance [mm]")

@@ -93,8 +93,8 @@ def plot_execution(
     # The panel of the tube marks the run and the instant that the planes mark.
     when, end = tools.tube.time[tools.worst[1]], tools.tube.time[-1]
     axes[0].scatter(when, 1000 * tools.tube.runs[tools.worst], **RING)
-    look = {"transform": axes[0].get_xaxis_transform(), "ha": "center", "fontsize": 7}
-    axes[0].text((trajectory.duration + end) / 2, 1.01, "held", **look)
+    options = {"transform": axes[0].get_xaxis_transform(), "ha": "center", "fontsize": 7}
+    axes[0].text((trajectory.duration + end) / 2, 1.01, "held", **options)
     handles, labels = axes[0].get_legend_handles_labels()
     right.legend(handles, labels, fontsize=8, ncols=4, loc="outside upper center", frameon=False)
     return saved(whole, path)
@@ -116,8 +116,8 @@ def _over_time(
     away = np.linalg.norm(tools.runs - tools.plan, axis=2)
     tracking = Band(execution.time, np.zeros(len(execution.time)), away)
     draws.append(partial(draw_band, band=tracking, label="tool from\nthe plan [mm]"))
-    look = partial(draw_saturation, robot=problem.robot, time=execution.time)
-    draws.append(partial(look, is_saturated=execution.is_saturated))
+    options = partial(draw_saturation, robot=problem.robot, time=execution.time)
+    draws.append(partial(options, is_saturated=execution.is_saturated))
     return draws
 
 
@@ -183,8 +183,8 @@ def _cycle_over_time(motion: CycleMotion, execution: Execution) -> list[Callable
     times = [leg.execution.time for leg in legs]
     tracking = [Band(time, 0 * time, runs) for time, runs in zip(times, away, strict=True)]
     draws.append(partial(draw_band, band=_joined(legs, tracking), label="tool from\nthe plan [mm]"))
-    look = partial(draw_saturation, robot=motion.cycle.robot, time=execution.time)
-    return [*draws, partial(look, is_saturated=execution.is_saturated)]
+    options = partial(draw_saturation, robot=motion.cycle.robot, time=execution.time)
+    return [*draws, partial(options, is_saturated=execution.is_saturated)]
 
 
 def _joined(legs: Sequence[ExecutedLeg], bands: Sequence[Band | None]) -> Band:
@@ -237,8 +237,8 @@ def draw_planes(figure: "FigureBase", problem: PlanningProblem, tools: ToolRuns)
     _draw_plane(close, problem, tools, paths, best)
     _draw_close(close, axes[planes.index(best)], tube, tools, best)
     handles, labels = close.get_legend_handles_labels()
-    look: dict[str, Any] = {"loc": "outside upper center", "ncols": 4, "frameon": False}
-    legend = figure.legend(handles, labels, fontsize=8, **look)
+    options: dict[str, Any] = {"loc": "outside upper center", "ncols": 4, "frameon": False}
+    legend = figure.legend(handles, labels, fontsize=8, **options)
     for line in legend.get_lines():
         line.set(linewidth=2.0, alpha=1.0)
 
@@ -312,14 +312,14 @@ def _draw_plane(
             outline = _outline(shape_points(shape)[:, plane])
             axis.fill(*outline.T, color=OBSTACLE_COLOR, alpha=0.25, linewidth=0, zorder=0.5)
     _draw_tube(axis, problem.tube, plane)
-    looks = (
+    option_sets = (
         (paths.inside, "runs", EXECUTED_COLOR, 0.35, 0.6),
         (paths.outside, "outside the tube", WARNING_COLOR, 0.8, 1.2),
     )
-    for lines, label, color, alpha, width in looks:
-        look: dict[str, Any] = {"color": color, "alpha": alpha, "linewidth": width}
+    for lines, label, color, alpha, width in option_sets:
+        options: dict[str, Any] = {"color": color, "alpha": alpha, "linewidth": width}
         if len(lines):
-            flat = LineCollection(list(lines[:, :, plane]), label=label, **look)
+            flat = LineCollection(list(lines[:, :, plane]), label=label, **options)
             axis.add_collection(flat, autolim=False)
     axis.plot(*tools.plan[:, plane].T, color="#000000", linewidth=1.0, label="plan")
 
@@ -393,13 +393,13 @@ def draw_band(axis: "Axes", band: Band, label: str, least: float = -np.inf) -> N
         has_values = ~np.isnan(band.runs).all(axis=0)
         quantiles[:, has_values] = np.nanquantile(band.runs[:, has_values], fractions, axis=0)
         low, high = _MILLI * quantiles
-        look: dict[str, Any] = {"alpha": alpha, "linewidth": 0.7}
+        options: dict[str, Any] = {"alpha": alpha, "linewidth": 0.7}
         above, below = (np.maximum(low, bound), high), (low, np.minimum(high, bound))
-        look |= {"where": high >= bound, "color": EXECUTED_COLOR}
-        axis.fill_between(band.time, *above, **look, label=name)
+        options |= {"where": high >= bound, "color": EXECUTED_COLOR}
+        axis.fill_between(band.time, *above, **options, label=name)
         if np.nanmin(low) < bound:
-            look |= {"where": low < bound, "color": WARNING_COLOR, "alpha": alpha + 0.2}
-            axis.fill_between(band.time, *below, **look)
+            options |= {"where": low < bound, "color": WARNING_COLOR, "alpha": alpha + 0.2}
+            axis.fill_between(band.time, *below, **options)
     axis.plot(band.time, _MILLI * band.plan, **_PLAN, label="plan")
     axis.set_ylabel(label)
 

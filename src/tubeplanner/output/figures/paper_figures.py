@@ -142,9 +142,9 @@ def _draw_tube(axis: "Axes", tube: Tube) -> None:
         line = end - begin
         length = float(np.linalg.norm(line))
         rotation = Affine2D().rotate(np.arctan2(line[1], line[0])).translate(*begin)
-        look = {"transform": rotation + axis.transData, **_TUBE}
+        options = {"transform": rotation + axis.transData, **_TUBE}
         corner, style = (-radius, -radius), f"round,pad=0,rounding_size={radius}"
-        capsule = FancyBboxPatch(corner, length + 2 * radius, 2 * radius, style, **look)
+        capsule = FancyBboxPatch(corner, length + 2 * radius, 2 * radius, style, **options)
         axis.add_patch(capsule)
     axis.plot(*tube.points[:, :2].T, color=REFERENCE_COLOR, linewidth=1, linestyle="--")
 

@@ -70,8 +70,8 @@ def plot_placement(result: Placement, path: str | Path | None = None) -> "Figure
     dots = np.array([row.stand[:2] for row in result.rows if row.stand not in grid])
     if len(dots):
         edge: dict[str, Any] = {"markeredgecolor": "#333333", "markeredgewidth": 0.4}
-        look = {"color": "#FFFFFF", "markersize": 2.6, "zorder": 5, **edge}
-        axis.plot(*dots.T, "o", label="pattern search", **look)
+        options = {"color": "#FFFFFF", "markersize": 2.6, "zorder": 5, **edge}
+        axis.plot(*dots.T, "o", label="pattern search", **options)
     _draw_stand(axis, result.given.stand, _ARROW * size, _GIVEN, _label("as given", result.given))
     if result.best is not None:
         _draw_stand(axis, result.best.stand, _ARROW * size, _BEST, _label("best", result))
@@ -119,10 +119,14 @@ def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float
         is_base = status == BASE_IN_OBSTACLE
         mark = _BASE_MARK if is_base else status_mark(PlanStatus(status))
         words = "base in obstacle" if is_base else status_words(PlanStatus(status))
-        look: dict[str, Any] = {"facecolor": "#F4F4F4", "edgecolor": mark.color, "linewidth": 0.0}
+        options: dict[str, Any] = {
+            "facecolor": "#F4F4F4",
+            "edgecolor": mark.color,
+            "linewidth": 0.0,
+        }
         for number, row in enumerate(rows):
             label = {"label": f"no motion: {words} ({len(rows)})"} if number == 0 else {}
-            axis.add_patch(cell(row, hatch=mark.hatch, zorder=1, **look, **label))
+            axis.add_patch(cell(row, hatch=mark.hatch, zorder=1, **options, **label))
 
 
 def _draw_obstacles(axis: "Axes", result: Placement, low: FloatArray, high: FloatArray) -> None:
@@ -161,5 +165,5 @@ def _draw_stand(axis: "Axes", stand: Stand, length: float, color: str, label: st
     ahead = stand.x + length * np.cos(stand.yaw), stand.y + length * np.sin(stand.yaw)
     arrow = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     axis.annotate("", ahead, (stand.x, stand.y), arrowprops=arrow, zorder=7)
-    look: dict[str, Any] = {"color": color, "markeredgecolor": "white", "markersize": 8}
-    axis.plot(stand.x, stand.y, "o", label=label, zorder=8, **look)
+    options: dict[str, Any] = {"color": color, "markeredgecolor": "white", "markersize": 8}
+    axis.plot(stand.x, stand.y, "o", label=label, zorder=8, **options)

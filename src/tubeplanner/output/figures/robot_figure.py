@@ -123,8 +123,8 @@ def _draw_links(
         drawn.append(vertices)
         alpha = _ARM_ALPHA if robot.joint_moves_body[body].any() else _REST_ALPHA
         faces = vertices[surface.faces]
-        look: dict[str, Any] = {"facecolors": [(*color, alpha)], "shade": True}
-        axis.add_collection3d(Poly3DCollection(faces, **look))
+        options: dict[str, Any] = {"facecolors": [(*color, alpha)], "shade": True}
+        axis.add_collection3d(Poly3DCollection(faces, **options))
     return np.vstack(drawn)
 
 

@@ -82,9 +82,9 @@ def draw_space(axis: "Axes", content: SpaceContent) -> None:
     picture = rendered(solids, view)
     (left, bottom), (right, top) = picture.low, picture.high
     # Filtered after colours are mapped, so that pixels do not mix with empty ones.
-    look: dict[str, Any] = {"interpolation": "antialiased", "interpolation_stage": "rgba"}
+    options: dict[str, Any] = {"interpolation": "antialiased", "interpolation_stage": "rgba"}
     extent = (left, right, bottom, top)
-    axis.imshow(picture.pixels, origin="lower", extent=extent, zorder=2, **look)
+    axis.imshow(picture.pixels, origin="lower", extent=extent, zorder=2, **options)
     draw_frame(axis, view, *_extent(solids))
     _draw_lines(axis, view, content)
     _draw_legend(axis, content, solids)
@@ -143,8 +143,8 @@ def _draw_legend(axis: "Axes", content: SpaceContent, solids: Sequence[RenderedS
         if tuple(rgb(color)) in drawn
     ]
     below = -0.16 if axis.axison else 0.0  # the numbers of its axes
-    look: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, below), "ncols": 4}
-    axis.legend(handles=handles, fontsize=8, frameon=False, **look)
+    options: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, below), "ncols": 4}
+    axis.legend(handles=handles, fontsize=8, frameon=False, **options)
 
 
 # ---- The solids of the panel in space: arm, gripper, carried parts, obstacles, tubes.

@@ -273,8 +273,8 @@ def draw_scatter(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -
     scales[0].draw(axis, "x")
     scales[1].draw(axis, "y")
     if is_planned.any():
-        look = {"cmap": _shades(), "edgecolors": "#444444"}
-        drawn = axis.scatter(x[is_planned], y[is_planned], c=durations[is_planned], **look)
+        options = {"cmap": _shades(), "edgecolors": "#444444"}
+        drawn = axis.scatter(x[is_planned], y[is_planned], c=durations[is_planned], **options)
         _figure(axis).colorbar(drawn, ax=axis, label="duration [s]")
     for status in dict.fromkeys(row.status for row in rows if row.duration is None):
         of = np.array([row.status is status and row.duration is None for row in rows])

@@ -111,8 +111,10 @@ def draw_sweep(
     unit, name = (1000, "radius [mm]") if radius else (1, "scale of all radii [-]")
     values = unit * np.array([row.value for row in result.rows])
     planned = [(unit * row.value, row.duration) for row in result.rows if row.duration is not None]
-    look = {**line_style(number), "linewidth": 1.0}
-    axis.plot(*np.reshape(planned, (-1, 2)).T, "o", label=label or "certified trajectory", **look)
+    options = {**line_style(number), "linewidth": 1.0}
+    axis.plot(
+        *np.reshape(planned, (-1, 2)).T, "o", label=label or "certified trajectory", **options
+    )
     if values[-1] > _WIDE * values[0]:
         axis.set_xscale("log")
         axis.set_xticks(values, [f"{value:.3g}" for value in values], minor=False)
@@ -323,8 +325,8 @@ def _mark_runs(axis: "Axes", places: FloatArray, rows: Sequence[DurationRow]) ->
         if row.runs_failed:
             failed.append(at)
     if failed:
-        look: dict[str, Any] = {"color": WARNING_COLOR, "markersize": 11}
-        axis.plot(*np.transpose(failed), "X", label="some of its runs failed", **look)
+        options: dict[str, Any] = {"color": WARNING_COLOR, "markersize": 11}
+        axis.plot(*np.transpose(failed), "X", label="some of its runs failed", **options)
     if any(row.runs is not None for row in rows):
         axis.margins(0.1)
 
@@ -381,5 +383,5 @@ def draw_rug(axis: "Axes", gaps: Iterable[tuple[float, PlanStatus]]) -> None:
         mark = status_mark(status)
         label = f"no plan: {status_words(status)} ({len(values)})"
         transform = axis.get_xaxis_transform()
-        look: dict[str, Any] = {"color": mark.color, "markersize": 6, "transform": transform}
-        axis.plot(values, [0.03] * len(values), mark.marker, label=label, **look)
+        options: dict[str, Any] = {"color": mark.color, "markersize": 6, "transform": transform}
+        axis.plot(values, [0.03] * len(values), mark.marker, label=label, **options)

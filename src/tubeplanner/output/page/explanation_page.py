@@ -17,7 +17,7 @@ from tubeplanner.output.page.panel import panel_data
 from tubeplanner.output.page.problem_scene import build_scene
 from tubeplanner.output.page.scene import Item, Layer, ShownTrajectory, poses_standing
 from tubeplanner.output.page.viewer import View
-from tubeplanner.studies.explanation import Explanation, in_vain_text, setting_text, tried_text
+from tubeplanner.studies.explanation import Explanation, ineffective_text, setting_text, tried_text
 from tubeplanner.studies.remedies import Headroom, Remedy
 from tubeplanner.task.problem import PlanningProblem
 
@@ -75,11 +75,11 @@ def _more(found: Explanation) -> list[str]:
     """Return further lines: most limiting condition, ineffective changes, early end."""
     lines = []
     if found.is_possible and found.result is not None:
-        dearest = [f"{each}" for each in found.result.sensitivities if each.saved > 0]
-        if dearest:
-            lines.append(f"What limits it most; 10 % more would save: {dearest[0]}")
-    if found.in_vain:
-        lines.append(f"By itself none of these helps: {in_vain_text(found.in_vain)}")
+        largest_saving = [f"{each}" for each in found.result.sensitivities if each.saved > 0]
+        if largest_saving:
+            lines.append(f"What limits it most; 10 % more would save: {largest_saving[0]}")
+    if found.ineffective:
+        lines.append(f"By itself none of these helps: {ineffective_text(found.ineffective)}")
     if found.stopped_by is not None:
         lines.append("The search was ended early: there may be more")
     return lines

@@ -367,9 +367,15 @@ def rotation_cones(sections: Sequence[MotionSection], shown: ShownTrajectory) ->
 
 def cone_items(i: int, first: int, cones: Sequence[RotationCone], thickness: float) -> list[Item]:
     """Return cones as moving bodies, numbered from the first on."""
-    look: dict[str, Any] = {"color": rgb(CONE_COLOR), "opacity": _CONE_OPACITY, "is_smooth": False}
+    options: dict[str, Any] = {
+        "color": rgb(CONE_COLOR),
+        "opacity": _CONE_OPACITY,
+        "is_smooth": False,
+    }
     return [
-        Item(Layer.ROTATION, i, f"cone_{k}", _cone(each.bounds, thickness), body=first + k, **look)
+        Item(
+            Layer.ROTATION, i, f"cone_{k}", _cone(each.bounds, thickness), body=first + k, **options
+        )
         for k, each in enumerate(cones)
     ]
 

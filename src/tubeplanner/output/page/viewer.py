@@ -274,12 +274,12 @@ def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
     return recorder.commands
 
 
-def _add_lines(node: Any, ends: FloatArray, color: int, **look: Any) -> None:
+def _add_lines(node: Any, ends: FloatArray, color: int, **options: Any) -> None:
     """Add straight lines with ends of shape (E, 2, 3) [m]."""
     from meshcat import geometry
 
     points = geometry.PointsGeometry(ends.reshape(-1, 3).T.astype(np.float32))
-    material = geometry.LineBasicMaterial(color=color, **look)
+    material = geometry.LineBasicMaterial(color=color, **options)
     node.set_object(geometry.LineSegments(points, material))
 
 

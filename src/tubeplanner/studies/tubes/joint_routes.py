@@ -42,9 +42,9 @@ class FreeSpace:
 
     def is_free(self, q: FloatArray) -> bool:
         """Return True if a configuration (n,) has the margin."""
-        return self.lacking(q) is None
+        return self.shortfall(q) is None
 
-    def lacking(self, q: FloatArray) -> Place | None:
+    def shortfall(self, q: FloatArray) -> Place | None:
         """Return the closest links and the tool's position where the margin is missing, or None."""
         rotation, position = self._robot.body_poses(q[None])
         required = self._required(q) + self._margin

@@ -175,8 +175,8 @@ def placeholder_limits(info: RobotInfo) -> Placeholders:
     if weightless:
         limits["effort"] = {joint.name: np.inf for joint in info.joints}
         for quantity, value in (("acceleration", _ACCELERATION), ("jerk", _JERK)):
-            lacking = [joint for joint in info.joints if joint.limits[quantity].is_missing]
-            limits[quantity] = {joint.name: value for joint in lacking}
+            shortfall = [joint for joint in info.joints if joint.limits[quantity].is_missing]
+            limits[quantity] = {joint.name: value for joint in shortfall}
     return {quantity: values for quantity, values in limits.items() if values}
 
 

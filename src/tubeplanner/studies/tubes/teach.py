@@ -117,7 +117,7 @@ def _corners(
     require_free(problem, "start", trail[0])
     require_free(problem, "goal", trail[-1])
     for q in trail:
-        place = space.lacking(q)
+        place = space.shortfall(q)
         if place is not None:
             message = (
                 f"the trail itself has too little clearance: {place}; correct the obstacles or the "
