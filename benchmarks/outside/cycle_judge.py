@@ -135,14 +135,14 @@ class _CycleJudge:
         names = ["start", *(leg.name for leg in legs), "end"]
         for k, rest in enumerate(self._cycle.rests):
             junction = f"{names[k]} - {names[k + 1]}"
-            yield from _called(junction, self._seam(k, rest))
+            yield from _label(junction, self._seam(k, rest))
             if k < len(legs):
                 judged = self._leg(k, {step.name for step in rest if step.kind in HANDING})
-                yield from _called(legs[k].name, judged)
+                yield from _label(legs[k].name, judged)
         if self._cycle.header.get("closed", False):
             ends = self._begins[0], self._ends[-1]
             closing = judge_return(self._arm(0), *ends, self._times.legs[-1][1])
-            yield from _called("closed", {"continuity": closing})
+            yield from _label("closed", {"continuity": closing})
 
     def _leg(self, k: int, changed: set[str]) -> dict[str, Condition]:
         leg, begin = self._cycle.legs[k], self._times.legs[k][0]
@@ -186,7 +186,7 @@ class _CycleJudge:
         return self._arms[key]
 
 
-def _called(part: str, found: dict[str, Condition]) -> Iterator[tuple[str, Condition]]:
+def _label(part: str, found: dict[str, Condition]) -> Iterator[tuple[str, Condition]]:
     """Yield the conditions of a part of a cycle that are asked, the part before their names."""
     for name, each in found.items():
         if each.margin is not None:

@@ -103,13 +103,13 @@ def require_kind(options: object, name: str, kind: type) -> None:
 _Kind = TypeVar("_Kind")
 
 
-def given_options(given: object, kind: type[_Kind], called: str = "options are") -> _Kind:
+def given_options(given: object, kind: type[_Kind], label: str = "options are") -> _Kind:
     """Return options, or the default ones of their class.
 
     Args:
         given: The options; None: the default ones.
         kind: Class of the options.
-        called: Begin of the message.
+        label: Begin of the message.
 
     Raises:
         OptionError: The options are of another kind.
@@ -117,7 +117,7 @@ def given_options(given: object, kind: type[_Kind], called: str = "options are")
     if given is None:
         return kind()
     if not isinstance(given, kind):
-        raise OptionError(f"{called} {shown(given)}; give {kind.__name__}")
+        raise OptionError(f"{label} {shown(given)}; give {kind.__name__}")
     return given
 
 

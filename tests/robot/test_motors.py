@@ -35,8 +35,8 @@ def resolved(description, *layers):
     return resolve_motors(description, ["j", "k"], layers)
 
 
-def layer(limits=None, called="preset a: ", **motors):
-    return LimitLayer(called, LimitOverrides(**(limits or {})), motors=MotorOverrides(**motors))
+def layer(limits=None, label="preset a: ", **motors):
+    return LimitLayer(label, LimitOverrides(**(limits or {})), motors=MotorOverrides(**motors))
 
 
 def two_link(**options):

@@ -126,8 +126,8 @@ def doubled(item, progress=None):
 
 
 def swept(items, executor=None, told=None):
-    called = f"item {{}} of {len(items)}".format
-    return swept_rows(doubled, items, called, executor, None if told is None else told.append)
+    label = f"item {{}} of {len(items)}".format
+    return swept_rows(doubled, items, label, executor, None if told is None else told.append)
 
 
 @pytest.mark.parametrize(("executor", "stage"), [(None, "begun"), (Here(), "done")])

@@ -330,7 +330,7 @@ def test_a_place_in_a_leg_is_told_as_one_of_its_moves_in_the_cycle():
     assert locations == [("first", 0, 3.0), ("first", 1, 3.0), ("second", 0, 3.0)]
     whole = leg.in_cycle(Place(joint="joint1"), 2.0)
     assert whole == Place(move="first, second", joint="joint1")
-    assert [cycle.called(k) for k in (0, 1)] == [
+    assert [cycle.label(k) for k in (0, 1)] == [
         "moves 1 to 2 of 3, 'first', 'second'",
         "move 3 of 3, 'third'",
     ]

@@ -207,7 +207,7 @@ def planned_leg(
     limit = 2 * clock.remaining / (remaining + 1) if np.isfinite(clock.remaining) else None
     if limit is not None and limit <= 0:
         raise BlockedLeg(k, stopped_result(clock, "time_limit", options.method))
-    with clock.within(cycle.called(k)):
+    with clock.within(cycle.label(k)):
         alone = replace(options, time_limit=limit)
         result = shortest_plan(problem, alone, PlanningClock(limit, clock.announce))
     if not result.succeeded and result.stopped_by == "time_limit":

@@ -103,7 +103,7 @@ def _answer(
         ]
     written = []
     for k, plan in enumerate(plans):
-        with clock.within(cycle.called(k)):
+        with clock.within(cycle.label(k)):
             problem = replace(plan.problem, start=plan.begin, goal=plan.end)
             followed = followed_plan(problem, plan.between(problem).result, options.slack, clock)
         written.append(LegPlan(problem, followed))
@@ -192,7 +192,7 @@ def _blocked(
     result, leg = with_diagnosis(blocked.result), cycle.legs[blocked.leg]
     if result.status is PlanStatus.INTERRUPTED:
         raise KeyboardInterrupt
-    where = cycle.called(blocked.leg)
+    where = cycle.label(blocked.leg)
     if len(leg.moves) > 1:
         where += " (segments are counted over all of them)"
     return CycleResult(

@@ -29,7 +29,7 @@ class LimitLayer:
     """Limits and motors from a file.
 
     Attributes:
-        called: Label in messages before "limits" and "motors", such as "preset fr3: ".
+        label: Label in messages before "limits" and "motors", such as "preset fr3: ".
         limits: The limits.
         joint_count: Number of joints of the arms that the layer is for; None: any.
         skips_others: True if limits of joints that are not planned are allowed, and ignored.
@@ -38,7 +38,7 @@ class LimitLayer:
         source: Label in `info`, such as "preset fr3".
     """
 
-    called: str
+    label: str
     limits: LimitOverrides
     joint_count: int | None = None
     skips_others: bool = False
@@ -136,11 +136,11 @@ def merged_limits(
         known = [*joint_names, *followers]
         if named and named.isdisjoint(known):
             raise RobotError(
-                f"{layer.called}limits name no joint of the planning group, which has: "
+                f"{layer.label}limits name no joint of the planning group, which has: "
                 f"{', '.join(known)}; they name {', '.join(sorted(named))}"
             )
         for quantity, merged in by_joint.items():
-            where = f"{layer.called}limits.{quantity}"
+            where = f"{layer.label}limits.{quantity}"
             values = layer.limits.by_name(quantity, chain, where)
             if not layer.skips_others:
                 extra = followers if quantity in _FOLLOWED else ()
@@ -179,7 +179,7 @@ def merged_motors(
     sources: dict[str, dict[str, str]] = {quantity: {} for quantity in MOTOR_QUANTITIES}
     for layer in layers:
         for quantity, merged in by_joint.items():
-            where = f"{layer.called}motors.{quantity}"
+            where = f"{layer.label}motors.{quantity}"
             values = layer.motors.by_name(quantity, chain, where)
             for name in values:
                 if name in followers:
@@ -213,13 +213,13 @@ def _require_fitting(description: UrdfDescription, layer: LimitLayer, chain: Seq
     """Raise RobotError if a layer is for another number of joints, or names an unknown link."""
     if layer.joint_count not in (None, len(chain)):
         raise RobotError(
-            f"{layer.called}limits and motors are for {layer.joint_count} joints; the planning "
+            f"{layer.label}limits and motors are for {layer.joint_count} joints; the planning "
             f"group has {len(chain)}: {', '.join(chain)}"
         )
     for point in layer.limits.point_speed:
         if point.link not in description.links:
             message = unknown_name("link", point.link, description.links)
-            raise RobotError(f"{layer.called}limits.point_speed: {message}")
+            raise RobotError(f"{layer.label}limits.point_speed: {message}")
 
 
 def _require_known(where: str, values: Mapping[str, Any], known: Sequence[str]) -> None:

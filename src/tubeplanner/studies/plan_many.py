@@ -273,7 +273,7 @@ _Row = TypeVar("_Row")
 def swept_rows(
     work: Callable[..., _Row],
     items: Iterable[Any],
-    called: Callable[[int], str],
+    label: Callable[[int], str],
     executor: Executor | None,
     progress: Callable[[object], None] | None,
 ) -> tuple[list[_Row], StoppedBy | None]:
@@ -282,7 +282,7 @@ def swept_rows(
     Args:
         work: Function from an item to its row; in this process it gets `progress`, by that name.
         items: The items.
-        called: Function from the number of an item, from 1, to its name in messages.
+        label: Function from the number of an item, from 1, to its name in messages.
         executor: Executor of the calls; None: this process, item by item.
         progress: Called with the stages in this process, or else with the number of finished items.
 
@@ -298,7 +298,7 @@ def swept_rows(
     report = progress or (lambda what: None)
 
     def work_here(item: Any) -> _Row:
-        name = called(len(rows) + 1)
+        name = label(len(rows) + 1)
         return work(item, progress=lambda what: report(f"{name}: {what}"))
 
     try:
@@ -308,7 +308,7 @@ def swept_rows(
             assert done.value is not None
             rows[done.index] = done.value
             if executor is not None:
-                report(f"{called(len(rows))}: done")
+                report(f"{label(len(rows))}: done")
     except KeyboardInterrupt:
         if not rows:
             raise

@@ -228,7 +228,7 @@ class Cycle:
         each = enumerate(zip(cells, starts, strict=True))
         return tuple(self._problem(k, cell, start, None) for k, (cell, start) in each)
 
-    def called(self, k: int) -> str:
+    def label(self, k: int) -> str:
         """Return the label of a leg in messages: numbers and names of its moves."""
         leg, before = self.legs[k], sum(len(each.moves) for each in self.legs[:k])
         count = sum(len(each.moves) for each in self.legs)

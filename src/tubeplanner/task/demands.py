@@ -48,7 +48,7 @@ class Contact:
         object.__setattr__(self, "links", _names("contacts", self.links))
         if not is_number(self.within) or not _MIN_WITHIN <= self.within <= MAX_SIZE:
             raise ProblemError(
-                f"contacts: within is {in_figures(self.within)} m for {_called(self.links)}; "
+                f"contacts: within is {in_figures(self.within)} m for {_label(self.links)}; "
                 f"{_MIN_WITHIN:g} to {MAX_SIZE:g} m are accepted"
             )
         ends = (self.ends,) if isinstance(self.ends, str) else self.ends
@@ -76,7 +76,7 @@ def pair_distances(given: Mapping[Names, float]) -> Mapping[Names, float]:
         names = _names("clearance.pairs", links)
         if not is_number(clearance) or not 0 <= clearance <= MAX_SIZE:
             raise ProblemError(
-                f"clearance.pairs: clearance is {in_figures(clearance)} m for {_called(names)}; "
+                f"clearance.pairs: clearance is {in_figures(clearance)} m for {_label(names)}; "
                 f"0 to {MAX_SIZE:g} m are accepted"
             )
         distances[names] = float(clearance)
@@ -101,7 +101,7 @@ def require_checked(checker: CollisionChecker, field: str, pairs: Iterable[Names
             reasons = {frozenset(pair.links): pair.reason for pair in checker.left_out}
             reason = reasons.get(frozenset(names), "no joint moves one against the other")
             raise ProblemError(
-                f"{field}: {_called(names)} are not checked against each other ({reason}): remove "
+                f"{field}: {_label(names)} are not checked against each other ({reason}): remove "
                 "the pair"
             )
 
@@ -116,7 +116,7 @@ def _names(field: str, given: object) -> Names:
     )
 
 
-def _called(names: Names) -> str:
+def _label(names: Names) -> str:
     return f"'{names[0]}' and '{names[1]}'"
 
 

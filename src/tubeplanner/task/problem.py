@@ -350,27 +350,27 @@ _MEMBERS = {
 }
 
 
-def require_parts(holder: object, *names: str, called: str = "") -> None:
+def require_parts(holder: object, *names: str, label: str = "") -> None:
     """Raise ProblemError unless attributes of a problem, a cycle or a step are of their kind.
 
     Args:
         holder: The problem, cycle or step.
         *names: Names of the attributes.
-        called: Begin of the message.
+        label: Begin of the message.
     """
     for name in names:
         kind, remedy = _PARTS[name]
         if not isinstance(value := getattr(holder, name), kind):
-            raise ProblemError(f"{called}{name} is {shown(value)}; give {remedy}")
+            raise ProblemError(f"{label}{name} is {shown(value)}; give {remedy}")
 
 
-def given_members(group: str, given: object, called: str = "") -> tuple[Any, ...]:
+def given_members(group: str, given: object, label: str = "") -> tuple[Any, ...]:
     """Return a group of solids, contacts or pairs of names as a tuple; a single member alone too.
 
     Args:
         group: Name of the attribute of a `PlanningProblem`.
         given: The group, or a single member.
-        called: Begin of the message.
+        label: Begin of the message.
 
     Raises:
         ProblemError: A member is of another kind.
@@ -385,5 +385,5 @@ def given_members(group: str, given: object, called: str = "") -> tuple[Any, ...
         if is_valid and group == "ignore_collisions":
             is_valid = len(member) == 2 and all(isinstance(name, str) for name in member)
         if not is_valid:
-            raise ProblemError(f"{called}{group}[{k}] is {shown(member)}; give {remedy}")
+            raise ProblemError(f"{label}{group}[{k}] is {shown(member)}; give {remedy}")
     return members

@@ -59,7 +59,7 @@ class Move:
     def __post_init__(self) -> None:
         require_name("the name of a move", self.name, ProblemError)
         label = f"move '{self.name}': "
-        require_parts(self, "robot", "tube", "objective", "passes_through", called=label)
+        require_parts(self, "robot", "tube", "objective", "passes_through", label=label)
         for group in ("contacts", "ignore_collisions"):
             object.__setattr__(self, group, given_members(group, getattr(self, group), label))
         object.__setattr__(self, "pair_clearances", pair_distances(self.pair_clearances))
@@ -118,7 +118,7 @@ class Attach:
 
     def __post_init__(self) -> None:
         require_name("what is attached", self.name, ProblemError)
-        require_parts(self, "payload", "solid", called=f"attach '{self.name}': ")
+        require_parts(self, "payload", "solid", label=f"attach '{self.name}': ")
         if self.solid is not None and self.solid.name != self.name:
             raise ProblemError(
                 f"attach '{self.name}': its solid is called {shown(self.solid.name)}; give both "
@@ -142,7 +142,7 @@ class Detach:
 
     def __post_init__(self) -> None:
         require_name("what is detached", self.name, ProblemError)
-        require_parts(self, "leaves_obstacle", called=f"detach '{self.name}': ")
+        require_parts(self, "leaves_obstacle", label=f"detach '{self.name}': ")
 
 
 Step: TypeAlias = Move | Event | Attach | Detach
