@@ -104,7 +104,7 @@ def put_something_else(path: Path, rng: Random) -> str:
 
 def _changed_tree(root: Any, rng: Random) -> Any:
     """Change one value of a document, somewhere."""
-    places = _places(root)
+    places = _positions(root)
     if not places:
         return any_value(rng)
     holder, key = rng.choice(places)
@@ -125,10 +125,10 @@ def _changed_tree(root: Any, rng: Random) -> Any:
     return root
 
 
-def _places(node: Any) -> list[tuple[Any, Any]]:
+def _positions(node: Any) -> list[tuple[Any, Any]]:
     """Return all that holds a value, and the key or index it is held by."""
     keys = list(node) if isinstance(node, dict) else range(len(node)) if _is_list(node) else ()
-    return [place for key in keys for place in [(node, key), *_places(node[key])]]
+    return [place for key in keys for place in [(node, key), *_positions(node[key])]]
 
 
 def _is_list(node: Any) -> bool:

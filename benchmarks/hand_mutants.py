@@ -64,7 +64,7 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "_bounded": [("nearest_branch(last, first, _ALL)", "last")],
     "_chord_distance": [("spin + reference_angle * rate", "spin"), ("/ 8 + jump", "/ 8")],
     "_Search._lower_bounds": [("distance - less[batch]", "distance")],
-    "_point_velocity": [("place = rotation[:, body] @ in_body[:3] + ", "place = ")],
+    "_point_velocity": [("location = rotation[:, body] @ in_body[:3] + ", "place = ")],
     "ToolSpeedMargin._speed": [("np.linalg.norm(velocity, axis=1)", "abs(velocity[:, 1])")],
     # Simulation
     "Plant.displaced": [("rotation @ self.tool", "self.tool"), (" + self.base", "")],

@@ -114,13 +114,13 @@ class Stage(Enum):
 
 
 @dataclass(frozen=True)
-class Place:
+class Location:
     """Where a run leaves its outputs, temporary files of the system, and what it prints."""
 
     folder: Path
 
     @classmethod
-    def new(cls, folder: Path, case: Case) -> "Place":
+    def new(cls, folder: Path, case: Case) -> "Location":
         """Return an empty place, but for old files where there are folders for them."""
         shutil.rmtree(folder, ignore_errors=True)
         for name in ("out", "temporary"):
@@ -177,7 +177,7 @@ class Runs:
     Attributes:
         case: The command.
         life: How long it takes [s].
-        new: What is there after it, by names as `Place.found`.
+        new: What is there after it, by names as `Location.found`.
         shortened: Its answers where Ctrl-C came after the first of several things it computes,
             after the second, and so on. Or before what is found last.
     """
@@ -205,9 +205,9 @@ class Runs:
         found = place.found().items()
         return Answer({name: new for name, new in found if new != old_content(name)}, status)
 
-    def place(self) -> Place:
+    def place(self) -> Location:
         """Return a new place for a run."""
-        return Place.new(self._scratch, self.case)
+        return Location.new(self._scratch, self.case)
 
     def paused(self, stage: Stage = Stage.ANSWERED, more: Sequence[str] = ()) -> Pause:
         """Return it paused at a stage, in the place of the runs, with more arguments."""
@@ -228,7 +228,7 @@ class Runs:
 
         return Pause(live)
 
-    def forked(self, place: Place, count: int | None = None) -> Ended:
+    def forked(self, place: Location, count: int | None = None) -> Ended:
         """Run it in a child, to its end; with a Ctrl-C after so much is computed."""
 
         def interrupt(number: int) -> None:
@@ -242,7 +242,7 @@ class Runs:
         _, status = os.waitpid(child, 0)
         return Ended(os.waitstatus_to_exitcode(status), time.perf_counter() - begin)
 
-    def _live(self, place: Place, called: Callable[[int], None], more: Sequence[str]) -> None:
+    def _live(self, place: Location, called: Callable[[int], None], more: Sequence[str]) -> None:
         """Run the program in this child, and end it; `called` as for `Kept.given_back`."""
         status = 1
         try:
@@ -259,7 +259,7 @@ class Runs:
                 stream.flush()
             os._exit(status)
 
-    def lived(self, place: Place, number: int, delay: float) -> Ended:
+    def lived(self, place: Location, number: int, delay: float) -> Ended:
         """Run it in a process that computes all, and send it a signal so long after it began."""
         begun, tell = os.pipe()
         with open(place.folder / "stdout", "w") as out, open(place.folder / "stderr", "w") as err:
@@ -315,7 +315,7 @@ def _serve(request: int, answer: int) -> None:
     os._exit(0)
 
 
-def _redirect(place: Place) -> None:
+def _redirect(place: Location) -> None:
     """Let this process print into files."""
     for descriptor, name in ((1, "stdout"), (2, "stderr")):
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC

@@ -30,7 +30,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from interruption_cases import CASES, MOTION, PROBLEM, TEXTS, TRAIL, Case
-from interruption_runs import Answer, Ended, Pause, Place, Runs, Stage, old_content, silenced
+from interruption_runs import Answer, Ended, Location, Pause, Runs, Stage, old_content, silenced
 from tubeplanner.cli.main import main as run_command
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
@@ -51,7 +51,7 @@ class Table:
         self._seen: dict[str, list[list[str]]] = {}
         print(f"{'command':12}{'what':14}{'runs':>6}{'wrong':>7}  why", flush=True)
 
-    def add(self, what: str, place: Place, found: list[str]) -> None:
+    def add(self, what: str, place: Location, found: list[str]) -> None:
         """Note a run: where it ran, and what is wrong with it."""
         if found:
             self.wrong += 1
@@ -140,7 +140,9 @@ def main() -> int:
     return int(table.wrong > 0)
 
 
-def faults(runs: Runs, place: Place, ended: Ended, number: int, *, exact: bool = True) -> list[str]:
+def faults(
+    runs: Runs, place: Location, ended: Ended, number: int, *, exact: bool = True
+) -> list[str]:
     """Return what is wrong with a run that met a signal.
 
     Args:
@@ -177,7 +179,7 @@ def faults(runs: Runs, place: Place, ended: Ended, number: int, *, exact: bool =
     return faults
 
 
-def faults_without_room(runs: Runs, place: Place, ended: Ended, remedy: str) -> list[str]:
+def faults_without_room(runs: Runs, place: Location, ended: Ended, remedy: str) -> list[str]:
     """Return what is wrong with a run that could not write all files."""
     found, faults, (_, err) = place.found(), [], place.printed
     found.pop("filler", None)
@@ -210,7 +212,7 @@ def _whole_length(runs: Runs, run: Pause) -> float:
 
 
 @contextmanager
-def _disk(place: Place) -> Iterator[None]:
+def _disk(place: Location) -> Iterator[None]:
     """Put a small disk where a run's outputs go, with the old ones on it."""
     before = {path.name: path.read_bytes() for path in place.out.iterdir()}
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=4m", "tmpfs", place.out], check=True)
@@ -278,7 +280,7 @@ def _old(name: str) -> bytes | None:
     return None if "/" in name else old_content(name)
 
 
-def _faults_of_next(runs: Runs, place: Place) -> list[str]:
+def _faults_of_next(runs: Runs, place: Location) -> list[str]:
     """Run it again where SIGKILL left something."""
     if runs.case.journal is not None:
         (place.out / runs.case.journal).unlink(missing_ok=True)

@@ -33,7 +33,7 @@ def main() -> None:
         if result.problem is None:
             continue
         for k, segment in enumerate(result.segments):
-            ends = [str(each.place) for each in segment.bindings if each.bound == "radius"]
+            ends = [str(each.location) for each in segment.bindings if each.bound == "radius"]
             print(f"  segment {k}: {1000 * segment.radius:.1f} mm, ended by {ends or 'nothing'}")
         rng = np.random.default_rng(SEED)
         count = problem.tube.segment_count

@@ -79,7 +79,7 @@ class Outcome:
         state = "killed" if is_test else self.killer or "survived"
         by = f", by {self.killer}" if is_test else ""
         mutant = f"{self.mutant.operator} in {self.mutant.where}"
-        return f"{state:8} {self.seconds:6.1f} s  {self.place} {mutant}{by}"
+        return f"{state:8} {self.seconds:6.1f} s  {self.location} {mutant}{by}"
 
 
 class Sources:
@@ -220,7 +220,7 @@ def report(outcomes: list[Outcome]) -> Iterator[str]:
     """Yield the survivors with their lines, and how many of each operator are noticed."""
     for each in outcomes:
         if not each.killer:
-            yield f"survived: {each.place} in {each.mutant.where} ({each.mutant.operator})"
+            yield f"survived: {each.location} in {each.mutant.where} ({each.mutant.operator})"
             yield from (f"  - {line}" for line in each.mutant.before.splitlines())
             yield from (f"  + {line}" for line in each.mutant.after.splitlines())
     yield f"{'operator':20}{'mutants':>8}{'noticed':>8}{'survived':>9}"

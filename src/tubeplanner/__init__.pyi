@@ -10,7 +10,7 @@ from .planning.strategy import Planner as Planner
 from .planning.options import PlanOptions as PlanOptions
 from .planning.result import PlanResult as PlanResult  # returned
 from .outcome import PlanStatus as PlanStatus
-from .outcome import Place as Place
+from .outcome import Location as Location
 from .optimizer.stages import Sensitivity as Sensitivity
 from .first_guess.branch_and_bound import SearchStatistics as SearchStatistics
 from .limits.peaks import trajectory_peaks as trajectory_peaks

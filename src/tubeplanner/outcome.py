@@ -36,7 +36,7 @@ class PlanStatus(StrEnum):
 
 
 @dataclass(frozen=True)
-class Place:
+class Location:
     """Location of a condition or a failure; fields that do not apply are None.
 
     Attributes:
@@ -61,7 +61,7 @@ class Place:
     point_speed: int | None = None
     move: str | None = None
 
-    def at(self, tool: Iterable[float]) -> "Place":
+    def at(self, tool: Iterable[float]) -> "Location":
         """Return the location with the tool centre point at a position (3,) [m], base frame."""
         x, y, z = (float(value) for value in tool)
         return replace(self, position=(x, y, z))
@@ -97,7 +97,7 @@ class ContradictionError(ProblemError):
     """Contradiction in a problem, with its location.
 
     Attributes:
-        place: Location of the contradiction.
+        location: Location of the contradiction.
         proved: True if it is proved that there is no motion; None: bad input alone.
         configuration: Of the arm at the location, shape (n,) [rad or m]; None: there is none.
     """
@@ -105,18 +105,18 @@ class ContradictionError(ProblemError):
     def __init__(
         self,
         message: str,
-        place: Place = Place(),
+        location: Location = Location(),
         *,
         proved: bool | None = None,
         configuration: "FloatArray | None" = None,
     ) -> None:
         super().__init__(f"{message}; proved: there is no motion" if proved else message)
-        self.place = place
+        self.location = location
         self.proved = proved
         self.configuration = configuration
 
 
-_ATTRIBUTES = ("place", "proved", "starts", "configuration")
+_ATTRIBUTES = ("location", "proved", "starts", "configuration")
 
 
 class Infeasible(Exception):
@@ -124,7 +124,7 @@ class Infeasible(Exception):
 
     Attributes:
         status: Kind of the reason.
-        place: Location of the failure.
+        location: Location of the failure.
         proved: True if it is proved that there is no trajectory; else none was found.
         starts: Number of configurations or branches the search began from, if nothing is proved.
         configuration: Of the arm at the location, shape (n,) [rad or m]; None: not known.
@@ -134,7 +134,7 @@ class Infeasible(Exception):
         self,
         status: PlanStatus,
         message: str,
-        place: Place,
+        location: Location,
         *,
         proved: bool = False,
         starts: int = 0,
@@ -142,7 +142,7 @@ class Infeasible(Exception):
     ) -> None:
         super().__init__(message)
         self.status = status
-        self.place = place
+        self.location = location
         self.proved = proved
         self.starts = starts
         self.configuration = configuration

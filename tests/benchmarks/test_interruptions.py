@@ -13,7 +13,7 @@ from stopped_writing import at_line
 from stored_trajectories import REFINEMENT, stored_path
 
 from interruption_cases import CASES, MOTION, TEXTS, TRAIL, Kept
-from interruption_runs import Place
+from interruption_runs import Location
 from tubeplanner import load_problem, read_trajectory
 from tubeplanner.cli.main import cli
 from tubeplanner.output.files.trajectory_writer import trajectory_csv
@@ -39,12 +39,12 @@ def command(run, inputs, tmp_path):
 
     def prepare(case):
         kept = Kept(case)
-        first = Place.new(tmp_path / "place", case)
+        first = Location.new(tmp_path / "place", case)
         with kept.recorded():
             assert run(*case.arguments(inputs, first.out))[0] == 0
 
         def call(line=None, number=signal.SIGINT):
-            place = Place.new(tmp_path / "place", case)
+            place = Location.new(tmp_path / "place", case)
             words = case.arguments(inputs, place.out)
             with (
                 kept.given_back(lambda _: None),
@@ -75,7 +75,7 @@ def test_what_is_computed_several_times_is_given_back_by_numbers(run, inputs, tm
     case = BY_NAME["study"]
     kept, numbers = Kept(case), []
     for replaced in (kept.recorded(), kept.given_back(numbers.append)):
-        words = case.arguments(inputs, Place.new(tmp_path / "place", case).out)
+        words = case.arguments(inputs, Location.new(tmp_path / "place", case).out)
         with replaced:
             assert run(*words)[0] == 0
     assert numbers == list(range(4)) and kept.count == 4
@@ -92,7 +92,7 @@ def test_what_is_computed_several_times_is_given_back_by_numbers(run, inputs, tm
 )
 def test_files_are_all_new_with_the_answer_or_as_they_were(command, name, tmp_path):
     case = BY_NAME[name]
-    call, old = command(case), Place.new(tmp_path / "old", case).found()
+    call, old = command(case), Location.new(tmp_path / "old", case).found()
     new, status, count = call()
     assert status == 0
     assert set(new) == {*case.files, *[case.journal] * (case.journal is not None)}

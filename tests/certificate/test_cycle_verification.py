@@ -19,7 +19,7 @@ from tubeplanner import (
     JointTrajectory,
     JudgedCondition,
     LimitOverrides,
-    Place,
+    Location,
     ProblemError,
     Tolerance,
     TrajectoryError,
@@ -59,7 +59,7 @@ def one_leg(cycle, end=PICK, fractions=()):
 
 def with_seam(sound, margin=0.0, unit="rad", refused=None, tolerance=None):
     """Return the sound certificate with one seam alone."""
-    condition = JudgedCondition(margin, unit, Place(time=1.0), "for all t")
+    condition = JudgedCondition(margin, unit, Location(time=1.0), "for all t")
     junctions = {"a - b": {"continuity": condition}}
     return CycleCertificate(sound.moves, junctions, refused or {}, tolerance or Tolerance())
 
@@ -74,7 +74,7 @@ def test_a_seam_holds_within_the_tolerance_of_its_unit(sound):
     found = with_seam(sound, -0.1)
     assert found.failures() == ["a - b: continuity"]
     assert found.describe("a - b: continuity") == "a - b: continuity: margin -0.1 rad (for all t)"
-    assert found.place("a - b: continuity") == Place(time=1.0)
+    assert found.location("a - b: continuity") == Location(time=1.0)
     assert found.as_dict()["seams"]["a - b"]["continuity"]["satisfied"] is False
 
 
@@ -82,7 +82,7 @@ def test_a_refused_move_fails_and_says_why(sound):
     found = with_seam(sound, refused={"on": "start: no place"})
     assert found.failures() == ["on: start"]
     assert found.describe("on: start") == "on: start: no place"
-    assert found.place("on: start") == Place(move="on")
+    assert found.location("on: start") == Location(move="on")
     fields = found.as_dict()
     assert fields["passed"] is False
     assert fields["moves"]["on"] == {
@@ -224,7 +224,7 @@ def test_places_are_those_of_the_whole_motion():
     cycle = pick_and_place(planar_arm(limits=LimitOverrides(velocity=0.5)))
     certificate = verify_cycle(cycle, slow_motion(cycle))
     assert certificate.failures() == ["to_pick: velocity", "to_place: velocity", "back: velocity"]
-    where = certificate.place("to_place: velocity")
+    where = certificate.location("to_place: velocity")
     assert (where.move, where.joint) == ("to_place", "joint1")
     assert where.time == pytest.approx(2.0 + DWELL + 1.0)
     tube = certificate.moves["back"].conditions["tube"].where
@@ -241,7 +241,7 @@ def test_moves_that_pass_through_are_judged_together_and_each_has_its_places():
     assert certificate.moves["go"] is certificate.moves["on"]
     assert list(certificate.junctions) == ["start - go, on", "go, on - end"]
     assert "on: tube" in certificate.failures()
-    where = certificate.place("on: tube")
+    where = certificate.location("on: tube")
     assert (where.move, where.segment) == ("on", 0)
 
 

@@ -254,7 +254,7 @@ def stroke(two_link, *angles):
     return JointTrajectory(two_link.joint_names, np.arange(float(len(angles))), coefficients)
 
 
-def places(two_link, *angles):
+def locations(two_link, *angles):
     """Return where the tool is when the first joint is at angles."""
     q = np.column_stack([angles, np.full(len(angles), -1.0)])
     return two_link.tool_position(q)
@@ -268,14 +268,14 @@ def passed(two_link, tube, trajectory, seed=SEED):
 
 
 def spike(two_link, radius=0.02, **options):
-    low, tip = places(two_link, LOW, TIP)
+    low, tip = locations(two_link, LOW, TIP)
     return Tube([low, tip, low], radius, **options)
 
 
 @pytest.mark.parametrize("turned", [0.3, 0.2])
 def test_a_point_is_passed_as_near_as_the_tool_comes(two_link, turned):
     (passage,), _ = passed(two_link, spike(two_link, 0.1), stroke(two_link, LOW, turned, LOW))
-    tip, there = places(two_link, TIP, turned)
+    tip, there = locations(two_link, TIP, turned)
     assert passage.point == 1
     assert passage.time == pytest.approx(1.0, abs=1e-4)
     assert passage.margin == pytest.approx(0.1 - np.linalg.norm(tip - there), abs=1e-7)
@@ -295,13 +295,13 @@ def test_the_smaller_radius_counts(two_link):
 
 def test_only_instants_in_the_two_segments_beside_a_point_count(two_link):
     """The tool is at the first tip only when it is in a later segment, far from it by then."""
-    low, tip, far = places(two_link, LOW, TIP, 1.2)
+    low, tip, far = locations(two_link, LOW, TIP, 1.2)
     trajectory = stroke(two_link, LOW, 1.2)
     problem = PlanningProblem(two_link, Tube([low, tip, low, far], 0.01), SEED)
     tool = enclosed_tool(two_link, problem.tube, trajectory, 1e-9)
     visits = [Visit(0, 0.0, 0.01), Visit(1, 0.01, 0.02), Visit(2, 0.02, 1.0)]
     first, second = passages(problem, trajectory, tool, visits)
-    begin, nearest = places(two_link, *trajectory.position([0.01, 0.02])[:, 0])
+    begin, nearest = locations(two_link, *trajectory.position([0.01, 0.02])[:, 0])
     assert first.margin == pytest.approx(0.01 - np.linalg.norm(tip - nearest), abs=1e-6)
     assert first.time == pytest.approx(0.02)
     assert second.margin == pytest.approx(0.01 - np.linalg.norm(low - begin), abs=2e-8)
@@ -309,7 +309,7 @@ def test_only_instants_in_the_two_segments_beside_a_point_count(two_link):
 
 def test_of_strokes_that_look_alike_each_has_its_own(two_link):
     """Down, up, down, up: all capsules are the same, and only the points tell when one ends."""
-    low, tip = places(two_link, LOW, TIP)
+    low, tip = locations(two_link, LOW, TIP)
     tube = Tube([low, tip, low, tip, low], 0.02)
     found, visits = passed(two_link, tube, stroke(two_link, LOW, TIP, LOW, TIP, LOW))
     assert [one.point for one in found] == [1, 2, 3]
@@ -322,7 +322,7 @@ def test_of_strokes_that_look_alike_each_has_its_own(two_link):
 
 def test_a_point_is_not_passed_at_the_cost_of_the_tube(two_link):
     """The tool comes by the tip only after it left the capsules: what is missed is the point."""
-    points, trajectory = places(two_link, LOW, TIP, LOW, -0.6), stroke(two_link, LOW, -0.6)
+    points, trajectory = locations(two_link, LOW, TIP, LOW, -0.6), stroke(two_link, LOW, -0.6)
     found, visits = passed(two_link, Tube(points, 0.02), trajectory)
     free = Tube(points, 0.02, pass_through_points="none")
     assert min(one.margin for one in found) < -0.05

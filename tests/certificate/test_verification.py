@@ -12,8 +12,8 @@ from tubeplanner import (
     Certificate,
     JointTrajectory,
     JudgedCondition,
+    Location,
     Obstacle,
-    Place,
     PlanningProblem,
     Tolerance,
     TrajectoryError,
@@ -50,7 +50,7 @@ def test_the_pages_list_and_explain_all_conditions():
 
 @pytest.mark.parametrize("name", CONDITION_NAMES)
 def test_no_certificate_leaves_a_condition_out(name):
-    met = JudgedCondition(0.0, "m", Place(), FOR_ALL_TIMES)
+    met = JudgedCondition(0.0, "m", Location(), FOR_ALL_TIMES)
     conditions = {other: met for other in CONDITION_NAMES if other != name}
     with pytest.raises(KeyError, match=name):
         Certificate(conditions, Tolerance())
@@ -194,9 +194,9 @@ def test_what_is_undecided_says_so_and_fails(two_link):
 
 def divided(tube, parts):
     """Return a tube with every segment divided."""
-    places = np.arange(tube.segment_count * parts + 1) / parts
+    locations = np.arange(tube.segment_count * parts + 1) / parts
     numbers = np.arange(tube.segment_count + 1)
-    points = np.array([np.interp(places, numbers, column) for column in tube.points.T]).T
+    points = np.array([np.interp(locations, numbers, column) for column in tube.points.T]).T
     points[::parts] = tube.points
     signs = [row for row in tube.joint_signs for _ in range(parts)]
     return Tube(points, np.repeat(tube.radius, parts), joint_signs=signs)
@@ -293,9 +293,9 @@ def gantry(tmp_path_factory):
     return load_robot(path, "at_z", gravity=(0, 0, 0))
 
 
-def straight(*places):
+def straight(*locations):
     """Return a motion from place to place, from rest to rest in a second each."""
-    return concatenate([rest_to_rest(tuple("xyz"), p, q, 1.0) for p, q in pairwise(places)])
+    return concatenate([rest_to_rest(tuple("xyz"), p, q, 1.0) for p, q in pairwise(locations)])
 
 
 def beside(offset):

@@ -10,7 +10,7 @@ from studied import Here
 from tubeplanner.cli import compare as comparison_report
 from tubeplanner.cli import console
 from tubeplanner.cli import info as info_command
-from tubeplanner.cli import place as place_command
+from tubeplanner.cli import location as place_command
 from tubeplanner.cli import plan as plan_outputs
 from tubeplanner.cli import reproduce as reproduce_command
 from tubeplanner.cli import simulate as simulate_command
@@ -57,9 +57,9 @@ def real_figures():
         if hasattr(module, name)
     }
     with pytest.MonkeyPatch.context() as patch:
-        real = {place: getattr(*place) for place in instead}
-        for place, function in instead.items():
-            patch.setattr(*place, function)
+        real = {location: getattr(*location) for location in instead}
+        for location, function in instead.items():
+            patch.setattr(*location, function)
         yield real
 
 
@@ -67,8 +67,8 @@ def real_figures():
 def drawn(real_figures, monkeypatch):
     """Figures are drawn after all, with few pixels."""
     monkeypatch.setattr(figure_files, "_DPI", 40)
-    for place, function in real_figures.items():
-        monkeypatch.setattr(*place, function)
+    for location, function in real_figures.items():
+        monkeypatch.setattr(*location, function)
 
 
 @pytest.fixture

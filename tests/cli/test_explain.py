@@ -12,7 +12,7 @@ from tubeplanner import Explanation, PlanOptions, explain, parse_problem
 from tubeplanner.cli import explain as explain_command
 from tubeplanner.cli.explain import explanation_text
 from tubeplanner.optimizer.stages import Sensitivity
-from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.outcome import Location, PlanStatus
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies import explanation as explain_module
 
@@ -24,7 +24,7 @@ OF_PLAN = {
     *("planning_time", "certificate_time", "loading_time", "stopped_by", "certificate"),
 }
 PROBLEM = parse_problem(PLANAR)
-HERE = Place(segment=1)
+HERE = Location(segment=1)
 CLOSE = replace(ROOM, after=0.5, duration=2.25, text="radius 30 -> 5 mm", is_exact=True)
 
 
@@ -150,8 +150,8 @@ def test_a_page_is_written_of_what_cannot_be_posed_if_the_tube_can_be_drawn(run,
     assert "outside [0, 1]" in page.read_text()
 
 
-def text_of(status=PlanStatus.UNREACHABLE, place=HERE, sensitivities=(), **found):
-    result = PlanResult(status, "for a reason", place, "refinement", sensitivities=sensitivities)
+def text_of(status=PlanStatus.UNREACHABLE, location=HERE, sensitivities=(), **found):
+    result = PlanResult(status, "for a reason", location, "refinement", sensitivities=sensitivities)
     return explanation_text(Explanation("ur5/x", PROBLEM, result, None, **found), 12.34)
 
 
@@ -193,9 +193,11 @@ def test_a_name_is_not_read_as_markup():
 def test_a_problem_with_an_answer_shows_what_limits_it_and_its_room():
     dear = Sensitivity("effort", "joint1", None, -0.3, 0.0123)
     free = Sensitivity("velocity", "joint2", None, 0.0, 0.0)
-    text = text_of(PlanStatus.SUCCESS, Place(), sensitivities=(dear, free), headrooms=(CLOSE, ROOM))
+    text = text_of(
+        PlanStatus.SUCCESS, Location(), sensitivities=(dear, free), headrooms=(CLOSE, ROOM)
+    )
     assert f"what limits it most; 10 % more would save:\n  {dear}\n" in text
     assert str(free) not in text
     assert cells(text, "radius 30") == ["radius 30 -> 5 mm", "2.250 s", "0.5 rad", ROOM.field]
     assert cells(text, "not even so")[1:3] == ["", "0.5 rad (not narrowed)"]
-    assert "what limits" not in text_of(PlanStatus.SUCCESS, Place())
+    assert "what limits" not in text_of(PlanStatus.SUCCESS, Location())

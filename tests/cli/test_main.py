@@ -14,7 +14,7 @@ import pytest
 from ruamel.yaml import YAML
 from stored_trajectories import REFINEMENT, stored_path
 
-from tubeplanner import LimitOverrides, Place, PlanOptions, load_problem, load_robot, plan
+from tubeplanner import LimitOverrides, Location, PlanOptions, load_problem, load_robot, plan
 from tubeplanner.cli import console as answer_files
 from tubeplanner.cli import plan as planned
 from tubeplanner.cli.main import main
@@ -85,7 +85,7 @@ def test_json_is_one_object_and_the_answer_smooth_unless_the_shortest_is_asked_f
     assert (status, smooth["status"]) == (0, "success")
     assert set(smooth) >= FIELDS
     assert smooth["phase1_duration"] is smooth["search"] is None
-    assert set(smooth["where"]) == set(Place().as_dict())
+    assert set(smooth["where"]) == set(Location().as_dict())
     assert smooth["certificate"]["passed"] is True
     assert smooth["peak_acceleration"]["joint"] in {"joint1", "joint2"}
     for name, unit in (("tool_speed", "m/s"), ("tool_acceleration", "m/s^2")):

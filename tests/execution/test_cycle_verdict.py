@@ -172,7 +172,7 @@ def test_a_cycle_of_one_move_is_judged_as_that_move_alone(tmp_path):
     judged = judged_cycle(motion, execution)
     for (found,) in (judged.runs, judged.legs[REACH]):
         assert without_places(found) == without_places(alone)
-        assert found.tube.place == replace(alone.tube.place, move="reach")
+        assert found.tube.location == replace(alone.tube.location, move="reach")
     assert judged.handovers == []
 
 
@@ -188,8 +188,8 @@ def test_a_run_that_leaves_a_moves_tube_fails_there_and_as_a_whole(case):
     assert [run.survives for run in judged.runs] == [True, False]
     assert judged.runs[0].tracking.value < 1e-9
     worst = judged.runs[1].tube
-    assert (worst.place.move, worst.place.segment) == ("carry", 0)
-    assert worst.place.time == pytest.approx(execution.time[then])
+    assert (worst.location.move, worst.location.segment) == ("carry", 0)
+    assert worst.location.time == pytest.approx(execution.time[then])
     assert worst.value == judged.legs[CARRY][1].tube.value > 0.3
 
 
@@ -211,7 +211,7 @@ def test_obstacles_are_those_that_stand_there_then(case):
     execution.position[0, 20] = [np.arctan2(0.4, 0.6), 0.1, 0.0]  # onto the part
     judged = judged_cycle(motion, execution)
     reach = judged.legs[REACH][0].obstacles
-    assert reach.place.obstacle == "part"
+    assert reach.location.obstacle == "part"
     assert judged.legs[CARRY][0].obstacles is None
     assert judged.runs[0].obstacles == min(
         (judged.legs[name][0].obstacles for name in (REACH, BACK)), key=lambda one: one.value
@@ -228,8 +228,8 @@ def test_of_the_whole_the_least_room_beside_what_is_asked_is_told(case):
         replace(step, clearance=asked) if step.name == far else step for step in motion.cycle.steps
     ]
     (run, _) = judged_cycle(motion_of(replace(motion.cycle, steps=cautious)), execution).runs
-    assert judged.runs[0].obstacles.place.move == near
-    assert run.obstacles.place.move == far
+    assert judged.runs[0].obstacles.location.move == near
+    assert run.obstacles.location.move == far
     assert run.obstacles.value == pytest.approx(found[far])
     assert run.clearance == asked
 
@@ -241,9 +241,9 @@ def test_of_the_whole_the_joint_is_told_that_is_farthest_from_the_plan_for_its_k
     execution.position[0, np.searchsorted(execution.time, CARRIED), 1] += 0.006
     execution.velocity[0, np.searchsorted(execution.time, 0.3), 1] = 1.2
     run, other = judged_cycle(motion, execution).runs
-    assert (run.tracking.value, run.tracking.place.joint) == (pytest.approx(0.006), "extend")
+    assert (run.tracking.value, run.tracking.location.joint) == (pytest.approx(0.006), "extend")
     assert run.stops["tracking"] == pytest.approx(0.005)
-    assert (run.velocity.value, run.velocity.place.move) == (pytest.approx(1.2), "reach")
+    assert (run.velocity.value, run.velocity.location.move) == (pytest.approx(1.2), "reach")
     np.testing.assert_allclose(run.tracking_by_joint, [0.0, 1.2, 0.8], atol=1e-9)
     np.testing.assert_allclose(run.velocity_by_joint, [0.0, 1.2, 0.0])
     assert (run.broken, other.broken) == (("velocity", "tracking"), ())

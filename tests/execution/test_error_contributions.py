@@ -17,7 +17,7 @@ from tubeplanner.execution.error_contributions import (
 )
 from tubeplanner.execution.excursions import Extreme
 from tubeplanner.execution.plants import Draw
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def run(tube=(-0.01, -0.01, -0.01), near=None, **given):
         "velocity_by_joint": np.array([0.84, 1.26]),
         "tracking_by_joint": np.array([0.3, 1.1]),
     }
-    near = None if near is None else Extreme(near, Place())
+    near = None if near is None else Extreme(near, Location())
     return judged_run(**(usual | {"obstacles": near} | given))
 
 
@@ -103,7 +103,7 @@ def test_the_same_in_every_run_is_what_is_short(problem):
     assert (found.rotation == -1e3).all()
     assert found.tool_tracking == -1
     far = run(
-        tool_tracking=Extreme(0.003, Place()), stops={"velocity": 1.05, "tool_tracking": 2e-3}
+        tool_tracking=Extreme(0.003, Location()), stops={"velocity": 1.05, "tool_tracking": 2e-3}
     )
     assert shown_shortfall(problem, [far]).tool_tracking == pytest.approx(0.5)
 
@@ -124,17 +124,17 @@ def test_more_is_expected_of_others_than_was_seen(problem):
 
 def test_a_compulsory_point_that_is_missed_asks_of_both_segments_beside_it(problem):
     """Point 5 is the third, between the second and the third segment."""
-    missed = Extreme(0.006, Place(point=5))
+    missed = Extreme(0.006, Location(point=5))
     found = shown_shortfall(problem, [run((0.001, 0.002, 0.02), points=missed)] * 2)
     assert found.radius == pytest.approx([0.001, 0.006, 0.02])
     # Point 2 by 4 mm, point 5 by 6 mm: 5 mm and 2.5 deviations of 1 mm.
-    both = [Extreme(0.004, Place(point=2)), missed]
+    both = [Extreme(0.004, Location(point=2)), missed]
     found = shown_shortfall(problem, [run((-1.0, -1.0, -1.0), points=one) for one in both])
     assert found.radius == pytest.approx([-1.0, 0.0075, 0.0075])
 
 
 def test_links_that_meet_are_short_of_room(problem):
-    met = Extreme(-0.002, Place())
+    met = Extreme(-0.002, Location())
     assert shown_shortfall(problem, [run(), run(self_collision=met)]).self_collision == 0.002
     turned = replace(run(), rotation_by_segment=np.array([0.01, -0.2, -0.2]))
     assert shown_shortfall(problem, [turned]).rotation == pytest.approx([0.01, -0.2, -0.2])

@@ -67,10 +67,10 @@ TOOL = [[0.1, 0, 0], [0.2, 0, 0.08], [0.4, 0, 0], [0.4, 0.2, 0.06], [0.4, 0.3, 0
 def test_the_farthest_out_counts_and_when_and_where():
     found = excursions(two_link(CORNER), TOOL).tube
     assert found.value == pytest.approx(0.03)
-    assert (found.place.time, found.place.segment) == (0.1, 0)
+    assert (found.location.time, found.location.segment) == (0.1, 0)
     found = excursions(two_link(CORNER), [*TOOL[2:], [0.4, 0.3, 0.07]]).tube
     assert found.value == pytest.approx(0.02)
-    assert (found.place.time, found.place.segment) == (pytest.approx(0.3), 1)
+    assert (found.location.time, found.location.segment) == (pytest.approx(0.3), 1)
     ended = excursions(two_link(CORNER), [[0.1, 0, 0], [0.3, 0, 0]])  # before the last segment
     assert ended.tube.value == pytest.approx(0.05)
 
@@ -83,7 +83,7 @@ def test_every_segment_has_its_own_worst_while_it_is_current():
     bounded = two_link(CORNER, orientations=[[0, 0, 0, 1]] * 3, rotation_tolerance=[0.1, 0.2])
     turned = excursions(bounded, TOOL, angles=[0.0, -0.13, 0.02, 0.15, 0.1])
     assert turned.rotation.value == pytest.approx(0.03)
-    assert (turned.rotation.place.time, turned.rotation.place.segment) == (0.1, 0)
+    assert (turned.rotation.location.time, turned.rotation.location.segment) == (0.1, 0)
     np.testing.assert_allclose(turned.rotation_by_segment, [0.03, -0.05], atol=1e-9)
 
 
@@ -91,10 +91,10 @@ def test_segments_and_points_have_the_numbers_of_the_problem():
     """The first two segments are joined to one."""
     divided = two_link([CORNER[0], [0.25, 0.0, 0.0], *CORNER[1:]])
     tool = [[0.1, 0, 0], [0.4, 0, 0], [0.4, 0.2, 0.06], [0.4, 0.3, 0]]
-    assert excursions(divided, tool).tube.place.segment == 2
+    assert excursions(divided, tool).tube.location.segment == 2
     back = two_link([BACK[0], [0.4, 0.0, 0.0], *BACK[1:]])
     found = excursions(back, [[0.4, y, 0] for y in (-0.2, 0.13, -0.2)])
-    assert found.points.place.point == 2
+    assert found.points.location.point == 2
 
 
 def test_a_hand_over_may_lie_between_samples():
@@ -124,7 +124,7 @@ def test_turning_back_too_early_misses_the_point(radius):
     missed = excursions(problem, early)
     assert missed.tube.value <= 0 < missed.points.value
     assert missed.points.value == pytest.approx(0.02)
-    assert (missed.points.place.point, missed.points.place.time) == (1, 0.2)
+    assert (missed.points.location.point, missed.points.location.time) == (1, 0.2)
 
 
 def test_every_point_has_its_own_radius_and_the_farthest_passed_counts():
@@ -132,7 +132,7 @@ def test_every_point_has_its_own_radius_and_the_farthest_passed_counts():
     problem = two_link(line, [0.05, 0.04, 0.03], pass_through_points="all")
     found = excursions(problem, [[x, 0.035, 0] for x in (0.1, 0.2, 0.3, 0.4)]).points
     assert found.value == pytest.approx(0.005)
-    assert found.place.point == 2
+    assert found.location.point == 2
 
 
 @pytest.mark.parametrize("backwards", [False, True])
@@ -144,7 +144,7 @@ def test_a_point_counts_while_a_segment_beside_it_is_current(backwards):
     found = excursions(two_link(corners[way]), tool[way])
     assert found.tube.value == pytest.approx(-0.05)
     assert found.points.value == pytest.approx(0.02)
-    assert found.points.place.point == (3 if backwards else 1)
+    assert found.points.location.point == (3 if backwards else 1)
 
 
 def test_where_any_segment_may_be_current_a_point_is_passed_at_any_time():
@@ -248,13 +248,13 @@ def test_they_are_the_least_of_all_distances(wall, shift):
     expected = measured(problem, q, pairs, shift)
     sample, pair = np.unravel_index(expected.argmin(), expected.shape)
     assert obstacles.value == pytest.approx(expected.min(), abs=1e-9)
-    assert obstacles.place.time == time[sample]
-    assert (obstacles.place.links, obstacles.place.obstacle) == problem.collision.owners(
+    assert obstacles.location.time == time[sample]
+    assert (obstacles.location.links, obstacles.location.obstacle) == problem.collision.owners(
         pairs[pair]
     )
     alone = measured(problem, q, problem.collision.link_pairs, NO_SHIFT)
     assert links.value == pytest.approx(alone.min(), abs=1e-9)
-    assert links.place.obstacle is None
+    assert links.location.obstacle is None
     over_time = obstacle_distances(problem, q, shift)
     assert over_time == pytest.approx(expected.min(axis=1), abs=1e-9)
 
@@ -267,7 +267,7 @@ def test_they_are_found_wherever_samples_are(spread, bundled):
     for extreme, pairs in zip(found, (checker.obstacle_pairs, checker.link_pairs), strict=True):
         expected = measured(problem, q, pairs, NO_SHIFT)
         assert extreme.value == pytest.approx(expected.min(), abs=1e-12)
-        assert extreme.place.time == np.unravel_index(expected.argmin(), expected.shape)[0]
+        assert extreme.location.time == np.unravel_index(expected.argmin(), expected.shape)[0]
 
 
 def depth(problem, q, pair, shift):

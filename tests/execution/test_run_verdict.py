@@ -13,7 +13,7 @@ from tubeplanner.execution.excursions import Extreme
 from tubeplanner.execution.plants import Draw, drawn_plants
 from tubeplanner.execution.run_verdict import KEPT, judged_runs, run_verdict, summaries
 from tubeplanner.execution.simulation import Execution, executed
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.task.demands import Robustness
 
 
@@ -54,7 +54,7 @@ def test_a_base_that_stands_elsewhere_takes_tool_and_links_along(case, exact):
     assert away.tracking == run.tracking
     assert "tube" in away.broken
     assert away.tube_by_segment.max() == away.tube.value
-    assert away.tube_by_segment.argmax() == away.tube.place.segment
+    assert away.tube_by_segment.argmax() == away.tube.location.segment
     assert away.tube.value > 0.05
     assert away.obstacles.value != pytest.approx(run.obstacles.value, abs=1e-3)
     assert away.self_collision == run.self_collision
@@ -62,7 +62,7 @@ def test_a_base_that_stands_elsewhere_takes_tool_and_links_along(case, exact):
     assert longer.tool_tracking.value == pytest.approx(0.03, abs=1e-3)
     (low,) = judged_runs(*case, shifted(exact, base=np.array([0.0, 0.0, -0.1])))
     assert "obstacles" in low.broken
-    assert low.obstacles.place.obstacle is not None
+    assert low.obstacles.location.obstacle is not None
 
 
 TIME = np.array([0.0, 0.1, 0.2, 0.3])
@@ -97,7 +97,7 @@ def test_tools_err_in_their_own_frame_and_bases_in_the_cells(flat):
     turned = flat[1].position(TIME).sum(axis=1)
     away = 0.03 * np.hypot(np.cos(turned), np.sin(turned) - 1)
     assert second.tool_tracking.value == pytest.approx(away.max())
-    assert second.tool_tracking.place.time == TIME[away.argmax()]
+    assert second.tool_tracking.location.time == TIME[away.argmax()]
 
 
 def test_what_joints_do_is_compared_with_plan_and_limits_on_either_side(flat):
@@ -110,14 +110,14 @@ def test_what_joints_do_is_compared_with_plan_and_limits_on_either_side(flat):
     velocity[0, 1], velocity[1, 2] = [-3.0, 5.0], [0.0, 1.0]
     is_cut[0, 0, 0] = is_cut[0, 2, 0] = is_cut[0, 2, 1] = True
     first, second = judged_runs(*flat, by_hand(flat, moved, velocity=velocity, is_saturated=is_cut))
-    assert first.tracking == Extreme(pytest.approx(0.1), Place(time=0.2, joint="joint2"))
-    assert first.velocity == Extreme(pytest.approx(1.5), Place(time=0.1, joint="joint1"))
-    assert second.velocity == Extreme(pytest.approx(0.25), Place(time=0.2, joint="joint2"))
+    assert first.tracking == Extreme(pytest.approx(0.1), Location(time=0.2, joint="joint2"))
+    assert first.velocity == Extreme(pytest.approx(1.5), Location(time=0.1, joint="joint1"))
+    assert second.velocity == Extreme(pytest.approx(0.25), Location(time=0.2, joint="joint2"))
     assert (first.saturated, second.saturated) == (0.5, 0.0)
     beyond = [[-2 * np.pi - 0.2, 3.5 - np.pi], [7.0 - 2 * np.pi, -0.5 - np.pi]]
     np.testing.assert_allclose(second.position_by_joint, beyond)
     assert second.position == Extreme(
-        pytest.approx(7.0 - 2 * np.pi), Place(time=0.1, joint="joint1")
+        pytest.approx(7.0 - 2 * np.pi), Location(time=0.1, joint="joint1")
     )
     assert first.position.value == pytest.approx(planned[3, 1] * -1 - np.pi)
     assert "position" not in first.broken
@@ -136,14 +136,14 @@ def test_a_run_that_is_too_fast_or_too_far_from_the_plan_fails(flat):
 
     fast, far = judged_runs(*flat, runs)
     assert [fast.broken, far.broken] == [("velocity",), ("tracking",)]
-    assert fast.velocity == Extreme(pytest.approx(1.06), Place(time=0.1, joint="joint2"))
-    assert far.tracking == Extreme(pytest.approx(0.06), Place(time=0.2, joint="joint2"))
+    assert fast.velocity == Extreme(pytest.approx(1.06), Location(time=0.1, joint="joint2"))
+    assert far.tracking == Extreme(pytest.approx(0.06), Location(time=0.2, joint="joint2"))
     np.testing.assert_allclose(fast.velocity_by_joint, [0.0, 1.06])
     np.testing.assert_allclose(far.tracking_by_joint, [0.0, 1.2], atol=1e-12)
     assert broken(velocity_tolerance=0.07, path_tolerance=0.061) == [(), ()]
     assert broken(path_tolerance=None) == [("velocity",), ()]
     tool = far.tool_tracking.value
-    assert far.tool_tracking.place.time == 0.2
+    assert far.tool_tracking.location.time == 0.2
     near = {"velocity_tolerance": 0.07, "path_tolerance": None}
     assert broken(tool_tolerance=1.01 * tool, **near) == [(), ()]
     assert broken(tool_tolerance=0.99 * tool, **near) == [(), ("tool_tracking",)]
@@ -175,9 +175,9 @@ def test_millimetres_of_a_sliding_joint_count_as_hundredths_of_a_radian(tmp_path
     slid, turned, both = judged_runs(
         anywhere(robot), motion, by_hand((anywhere(robot), motion), moved)
     )
-    assert slid.tracking == Extreme(pytest.approx(0.006), Place(time=0.2, joint="extend"))
+    assert slid.tracking == Extreme(pytest.approx(0.006), Location(time=0.2, joint="extend"))
     assert slid.stops["tracking"] == pytest.approx(0.005)
-    assert turned.tracking == Extreme(pytest.approx(0.04), Place(time=0.1, joint="turn"))
+    assert turned.tracking == Extreme(pytest.approx(0.04), Location(time=0.1, joint="turn"))
     assert [run.broken for run in (slid, turned, both)] == [("tracking",), (), ("tracking",)]
     np.testing.assert_allclose(both.tracking_by_joint, [1.2, 0.8, 0.0], atol=1e-12)
 
@@ -224,15 +224,15 @@ def test_with_errors_the_shortest_motion_leaves_its_tube_in_most_runs(case):
         if errors is not small:
             assert [run.survives for run in runs] == [False, True] + 4 * [False]
             assert all(0.05 < run.saturated < 0.9 for run in runs if not run.survives)
-            assert all(run.tracking.place.joint in problem.robot.joint_names for run in runs)
+            assert all(run.tracking.location.joint in problem.robot.joint_names for run in runs)
     assert 1e-3 < worst[0] < 0.02
     assert worst[1] < worst[0] / 2
 
 
 def run(tube, distance, clearance=0.0, **others):
     given = {
-        "tube": Extreme(tube, Place(segment=int(100 * tube))),
-        "obstacles": Extreme(distance, Place()),
+        "tube": Extreme(tube, Location(segment=int(100 * tube))),
+        "obstacles": Extreme(distance, Location()),
         "clearance": clearance,
         "tube_by_segment": np.array([tube]),
     }
@@ -240,13 +240,13 @@ def run(tube, distance, clearance=0.0, **others):
 
 
 def of_all(names, value):
-    return {name: Extreme(value, Place()) for name in names}
+    return {name: Extreme(value, Location()) for name in names}
 
 
 def test_the_worst_is_the_farthest_out_and_the_nearest():
     found = summaries([run(0.01, 0.05), run(0.04, 0.03), run(0.02, -0.01)])
     assert (found["tube"].worst.value, found["tube"].run, found["tube"].median) == (0.04, 1, 0.02)
-    assert found["tube"].worst.place.segment == 4
+    assert found["tube"].worst.location.segment == 4
     near = found["obstacles"]
     assert (near.worst.value, near.run, near.median) == (-0.01, 2, 0.03)
     assert found["rotation"] is None

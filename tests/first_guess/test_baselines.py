@@ -153,7 +153,7 @@ def test_what_cannot_be_reached_is_refused_with_its_place(bundled):
     with pytest.raises(Infeasible, match="the joints without limits") as caught:
         judged_baseline(far, "conventional")
     assert caught.value.status is PlanStatus.UNREACHABLE
-    assert caught.value.place.segment == 0
+    assert caught.value.location.segment == 0
 
 
 @pytest.mark.dear("runs along a path of seven joints again and again")

@@ -161,12 +161,12 @@ def test_what_is_in_the_way_is_named(fields, message, segment, two_link):
     with pytest.raises(Infeasible, match=message) as caught:
         branch_of(problem)
     assert caught.value.status is PlanStatus.UNREACHABLE
-    assert caught.value.place.segment == segment
+    assert caught.value.location.segment == segment
     if fields.get("angles") is ENDS:  # 0.28 rad off in the middle
         wider = planar_problem(two_link, **fields | {"rotation_tolerance": 0.35})
         assert plan(wider, PlanOptions("stop-at-corners")).succeeded
     if segment == 1:
-        assert caught.value.place.position[0] == pytest.approx(0.613, abs=3e-3)
+        assert caught.value.location.position[0] == pytest.approx(0.613, abs=3e-3)
 
 
 def test_position_limits_in_the_way_are_named():

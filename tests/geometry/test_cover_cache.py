@@ -17,9 +17,9 @@ from tubeplanner.geometry.meshes import MeshFile
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """An empty folder for the cache."""
-    place = tmp_path / "cache"
-    monkeypatch.setenv(VARIABLE, str(place))
-    return place
+    position = tmp_path / "cache"
+    monkeypatch.setenv(VARIABLE, str(position))
+    return position
 
 
 @pytest.fixture

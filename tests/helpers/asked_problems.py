@@ -110,11 +110,11 @@ class StubTrials:
 
     def of(self, asked, is_thorough):
         thresholds = self._thresholds if is_thorough else self._quick
-        for place, (change, size) in enumerate(asked):
+        for location, (change, size) in enumerate(asked):
             if len(self.asked) >= self._budget:
                 raise self._stop
             self.asked.append((change.field, size))
             self.thorough += [(change.field, size)] * is_thorough
             is_beyond = size >= thresholds.get(change.field, float("inf"))
             duration = 1.5 if is_beyond == self._helps else None
-            yield place, Trial(size, change.propose(size), duration, is_thorough)
+            yield location, Trial(size, change.propose(size), duration, is_thorough)

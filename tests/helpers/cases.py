@@ -32,7 +32,7 @@ from tubeplanner.first_guess.waypoints import candidate_waypoints
 from tubeplanner.optimizer.link_constraints import LinkConstraints
 from tubeplanner.optimizer.spline_constraints import SplineConstraints
 from tubeplanner.optimizer.starts import starting_spline
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.planning.tightening import Survival, Tightening
 from tubeplanner.robot.motors import JointMotors
 from tubeplanner.robot.overrides import EffortRange
@@ -254,7 +254,7 @@ def with_bump(trajectory, joint, begin, width, size):
 
 def judged_run(**given: Any) -> JudgedRun:
     """Return a run that keeps everything at its bounds, but for what is given."""
-    bounds = Extreme(0.0, Place())
+    bounds = Extreme(0.0, Location())
     usual = {
         "tube": bounds,
         "rotation": None,

@@ -32,8 +32,8 @@ def planar_arm(gravity=(0.0, 0.0, 0.0), **more):
 def ball(robot, q=PICK, name="part"):
     """Return an obstacle above where the hand is in a configuration."""
     radius, above = PART
-    place = robot.tool_position(q) + np.array([0, 0, above])
-    return Obstacle.sphere(name, radius, placement_of(place))
+    location = robot.tool_position(q) + np.array([0, 0, above])
+    return Obstacle.sphere(name, radius, placement_of(location))
 
 
 def tube_between(robot, start, goal, radius=0.2, **more):

@@ -134,22 +134,22 @@ CASES = {
 
 def trajectory_of(way):
     """Return a trajectory through places."""
-    places = np.add(way, [0.0, HALF])
-    begin, step = places[:-1], np.diff(places, axis=0)
+    locations = np.add(way, [0.0, HALF])
+    begin, step = locations[:-1], np.diff(locations, axis=0)
     coefficients = QUINTIC[:, None, None] * step
     coefficients[-1] += begin
-    return JointTrajectory(["x", "z"], np.arange(len(places)), coefficients)
+    return JointTrajectory(["x", "z"], np.arange(len(locations)), coefficients)
 
 
 def fields_of(case):
     """Return what a problem file of a case holds."""
-    places = np.add(case.way, [0.0, HALF]).tolist()
-    points = [[places[k][0], 0.0, places[k][1]] for k in case.tube]
+    locations = np.add(case.way, [0.0, HALF]).tolist()
+    points = [[locations[k][0], 0.0, locations[k][1]] for k in case.tube]
     fields = {
         "robot": {"urdf": "lifting.urdf", "tool_frame": TIP, "gravity": [0, 0, 0]},
         "tube": {"points": points, "radius": case.radius, "visit": case.visit},
-        "start": {"joints": places[0]},
-        "goal": {"joints": places[-1]},
+        "start": {"joints": locations[0]},
+        "goal": {"joints": locations[-1]},
         "obstacles": [{"name": "table", "box": [4, 4, 0.1], "position": [0, 0, -0.05]}],
     }
     if case.open_goal:

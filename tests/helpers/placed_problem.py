@@ -44,8 +44,8 @@ def _there(point, base):
     return (turn_of(base).apply(point) + base["position"]).tolist()
 
 
-def turn_of(place):
+def turn_of(location):
     """Return how something with rpy, a quaternion or neither is turned."""
-    if place.get("quaternion") is not None:
-        return Rotation.from_quat(place["quaternion"])
-    return Rotation.from_euler("xyz", place.get("rpy") or np.zeros(3))
+    if location.get("quaternion") is not None:
+        return Rotation.from_quat(location["quaternion"])
+    return Rotation.from_euler("xyz", location.get("rpy") or np.zeros(3))

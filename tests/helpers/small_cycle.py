@@ -62,7 +62,7 @@ _PLACES = {
 
 def move(name: str, way: str, *, tolerance: float | None = None, **more: Any) -> dict[str, Any]:
     """Return a move between two places, such as "ab"; with a tolerance it ends in a ball."""
-    points = [_PLACES[place] for place in way]
+    points = [_PLACES[location] for location in way]
     fields: dict[str, Any] = {"name": name, "tube": {"points": points, "radius": 0.05}, **more}
     if tolerance is not None:
         fields["goal"] = {"position": points[-1], "tolerance": tolerance}

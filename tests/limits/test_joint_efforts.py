@@ -96,8 +96,8 @@ def test_the_place_is_where_the_tool_is(slide):
     """Of the sample that is meant; forces have another unit than moments."""
     refusal = said(slide, joint=1, sample=1, q=(0.0, np.pi / 2))
     assert "needs 7.13 N against" in str(refusal)
-    np.testing.assert_allclose(refusal.place.position, [0.0, 0.6, 0.5], atol=1e-9)
-    assert refusal.place.joint == "extend"
+    np.testing.assert_allclose(refusal.location.position, [0.0, 0.6, 0.5], atol=1e-9)
+    assert refusal.location.joint == "extend"
 
 
 @pytest.mark.parametrize(("counts", "viscous"), [(True, 3.0), (False, 0.0)])
@@ -240,7 +240,7 @@ def test_what_cannot_be_moved_slowly_is_named_with_what_it_lacks(
     assert largest_speed(kind, robot, *state, 0.0) == 0.0
     own = kind(robot.limits if kind is EffortLimit else robot.motors)
     refusal = own.refusal(path(robot, *state, 0.0))
-    assert (refusal.status, refusal.place.joint) == (PlanStatus.GRAVITY_EXCEEDS_EFFORT, "turn")
+    assert (refusal.status, refusal.location.joint) == (PlanStatus.GRAVITY_EXCEEDS_EFFORT, "turn")
     assert f"needs {needed:.2f} N m against gravity and friction" in str(refusal)
     assert f"its effort limit is {limit:.2f};" in str(refusal)
 
@@ -277,8 +277,8 @@ def test_blocked_both_ways_is_refused_with_joint_and_place(
     with pytest.raises(Infeasible) as caught:
         require_held(anywhere(bar(*ranges, mass=mass, **motors)), LEVEL)
     assert caught.value.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
-    assert caught.value.place.joint == "turn"
-    assert np.shape(caught.value.place.position) == (3,)
+    assert caught.value.location.joint == "turn"
+    assert np.shape(caught.value.location.position) == (3,)
     assert f"needs {needed:.2f} N m against gravity" in str(caught.value)
     assert f"its effort limit is {limit:.2f};" in str(caught.value)
 

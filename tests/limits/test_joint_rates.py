@@ -89,7 +89,7 @@ def test_one_that_moves_on_is_refused_by_name(limited):
     at = path(problem, [0.0, UPPER - ZONE / 2, UPPER - ZONE / 2], [1.0, -1.0, 1.0])
     reason = limit.refusal(at)
     assert reason.status is PlanStatus.NO_TRAJECTORY
-    assert reason.place.joint == "turn"
+    assert reason.location.joint == "turn"
     edge = f"{UPPER - ZONE / 2:.4f}"
     assert f"moves up at {edge}, where limits.velocity_by_position" in str(reason)
     assert f"from {UPPER - ZONE:.4f} on" in str(reason)
@@ -167,4 +167,4 @@ def test_a_goal_is_come_to_only_where_the_law_lets_one(limited, start, goal, off
         return
     with pytest.raises(Infeasible, match="allows it no velocity that way") as caught:
         require_approachable(problem, *ends)
-    assert caught.value.place.joint == "turn"
+    assert caught.value.location.joint == "turn"

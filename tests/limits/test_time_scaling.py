@@ -97,7 +97,7 @@ def test_the_joint_that_is_overloaded_most_is_named(strong):
         assert gravity.argmax() == robot.joint_names.index(*strong)
     with pytest.raises(Infeasible) as caught:
         minimum_duration(anywhere(robot), move)
-    named = caught.value.place.joint
+    named = caught.value.location.joint
     assert named == robot.joint_names[overload.argmax()]
     assert named not in strong
 
@@ -271,7 +271,7 @@ def test_up_is_refused_where_weight_and_friction_are_too_much(tmp_path, mass, fr
         with pytest.raises(Infeasible, match=message) as caught:
             call(problem, quintic(1.0))
         assert caught.value.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
-        assert caught.value.place.joint == "turn"
+        assert caught.value.location.joint == "turn"
     if friction:
         down = scaled_to_limits(problem, quintic(-1.0))
         assert verify(problem, down).conditions["effort"].margin == pytest.approx(0, abs=1e-6)

@@ -164,12 +164,12 @@ def no_rows_of_splines():
     from tubeplanner.optimizer import phased_spline as spline_basis
     from tubeplanner.optimizer import sampled_spline as spline_rows
 
-    places = (np.zeros(0, int), np.zeros(0), np.zeros(0, int))
+    positions = (np.zeros(0, int), np.zeros(0), np.zeros(0, int))
     knots = (np.array([0, 1]), np.array([0.0, 0.0]))
     times = np.array([0.0, 1.0])
-    weights = spline_basis.cubic_weights(times, knots, places)
+    weights = spline_basis.cubic_weights(times, knots, positions)
     control = np.zeros((4, 1))
-    changes, moved = spline_basis.cubic_by_switching(times, knots, places, control, 0)
+    changes, moved = spline_basis.cubic_by_switching(times, knots, positions, control, 0)
     spline_basis.cubic_values(weights, np.zeros(0, int), control)
     spline = spline_rows.SplineChange(weights, changes, moved)
     rows = spline_rows.chained_rows(spline, {0: np.zeros((0, 1))}, *(np.zeros(0, int),) * 2)

@@ -17,7 +17,7 @@ from studied import Here, small_study
 import tubeplanner as t
 from tubeplanner.cli import console
 from tubeplanner.cli.main import main
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.planning import strategy as planner
 from tubeplanner.planning.result import refused_result
 from tubeplanner.studies import change_trials as trials
@@ -142,7 +142,7 @@ def function_of(name):
 @pytest.fixture(autouse=True, scope="module")
 def nothing_is_planned():
     """Planning, measuring and searching end at once without an answer."""
-    blocked = Infeasible(PlanStatus.NO_TRAJECTORY, "not planned here", Place())
+    blocked = Infeasible(PlanStatus.NO_TRAJECTORY, "not planned here", Location())
 
     def refused(*arguments, **named):
         return refused_result(blocked, "refinement")

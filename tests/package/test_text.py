@@ -113,7 +113,7 @@ def made(planned, small_plan):
     instances = [
         *(problem, problem.robot, problem.tube, *problem.obstacles, result, result.trajectory),
         *(result.certificate, result.certificate.conditions["effort"], result.certificate.braking),
-        *(result.certificate.tolerance, result.sensitivities[0], result.status, result.place),
+        *(result.certificate.tolerance, result.sensitivities[0], result.status, result.location),
         *(peaks, peaks.tool_speed, t.Planner(problem), t.AttachedSolid("part", box.shapes)),
         *(t.ToolPose(np.eye(4)), t.GoalRegion((0, 0, 1), 0.02), t.Contact(("a", "b"), 0.03)),
         *(t.Seed(np.zeros(7)), limits, t.MotorOverrides(), t.LimitLayer("a: ", limits)),
@@ -126,7 +126,7 @@ def made(planned, small_plan):
             t.RunVerdict(9, 1, {"tube": 1}, 1.0, 0.0),
         ),
         *(
-            t.SlowerRun("effort", 0.1, 0.5, result.place),
+            t.SlowerRun("effort", 0.1, 0.5, result.location),
             t.ErrorContribution("effort", "", 0.1, 0.1, ()),
         ),
         t.SearchStatistics(*range(8), False),
@@ -153,7 +153,7 @@ def _of_cycles(result):
 def _of_places(problem, result):
     """Return a placement and its parts."""
     stand = Stand(0.1, 0.2, 0.0, 1.0)
-    row = t.PlacementRow(stand, "success", result.message, result.place, result.duration)
+    row = t.PlacementRow(stand, "success", result.message, result.location, result.duration)
     base, region = t.GivenStand(stand, result, result.message), Region.of((0, 1, 0, 1), 0.0)
     grid = region.grid(100, 0.0)
     placement = t.Placement(problem, region, (), grid, (row,) * 100, base, row, result, {})

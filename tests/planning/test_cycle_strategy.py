@@ -133,12 +133,12 @@ def test_a_blocked_move_is_told_with_its_number_name_and_segment(passes: bool) -
     cycle = cycle_of(move("first", "bc"), second, obstacles=[wall])
     result = plan_cycle(cycle, replace(SHORTEST, persistent=False))
     assert (result.status, result.motion) == (PlanStatus.TUBE_BLOCKED, None)
-    assert result.place.obstacle == "wall"
+    assert result.location.obstacle == "wall"
     if passes:
-        assert result.place.move in ("second", "first, second")
+        assert result.location.move in ("second", "first, second")
         assert "counted over all" in result.message
     else:
-        assert result.place.move == "second"
+        assert result.location.move == "second"
         assert "move 2 of 2, 'second'" in result.message
         assert "other configurations at its start led nowhere either" in result.message
 

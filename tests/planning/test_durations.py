@@ -12,7 +12,7 @@ from cases import ANGLE, BRIEF, anywhere, one_joint, quintic
 from tubeplanner import JointTrajectory, Objective, PlanOptions, plan, verify
 from tubeplanner.limits.motor_costs import EffortCosts
 from tubeplanner.optimizer.stages import Refinement, SecondStage
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.output.files.trajectory_writer import TrajectoryFiles
 from tubeplanner.planning.second_stage import (
     cheapest_duration,
@@ -108,9 +108,9 @@ def test_duration_and_all_breakpoints_are_multiples(periodic, least):
     period = 0.004
     problem, result = periodic(period)
     for trajectory in (result.trajectory, result.shortest):
-        places = in_periods(trajectory.breakpoints, period)
-        assert np.diff(places).min() >= 1
-        np.testing.assert_array_equal(trajectory.breakpoints, places * period)
+        locations = in_periods(trajectory.breakpoints, period)
+        assert np.diff(locations).min() >= 1
+        np.testing.assert_array_equal(trajectory.breakpoints, locations * period)
         assert verify(problem, trajectory).passed
     assert not any("multiple of the period" in note for note in result.notes)
     contents, notes = TrajectoryFiles(csv=Path("t.csv")).contents(result.trajectory, problem)
@@ -156,7 +156,7 @@ def test_more_phases_than_periods_get_a_period_each(bundled):
     assert len(in_periods(result.trajectory.breakpoints, 0.5)) >= 5
 
 
-@pytest.mark.parametrize("error", [None, Infeasible(PlanStatus.NO_TRAJECTORY, "", Place())])
+@pytest.mark.parametrize("error", [None, Infeasible(PlanStatus.NO_TRAJECTORY, "", Location())])
 def test_where_none_is_found_the_shortest_motion_is_slowed_down(error, bundled, monkeypatch, least):
     """Its breakpoints are where they were, and a note says so."""
     tried = []

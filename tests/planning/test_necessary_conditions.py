@@ -78,7 +78,7 @@ def test_a_point_beyond_all_links_is_proved(two_link, points, radius, message):
         return
     with pytest.raises(Infeasible, match=message) as caught:
         require_within_bound(problem)
-    assert (caught.value.proved, caught.value.place.point) == (True, 1)
+    assert (caught.value.proved, caught.value.location.point) == (True, 1)
     result = plan(problem)
     assert (result.status, result.proved) == (PlanStatus.UNREACHABLE, True)
     assert (result.certificate, result.duration) == (None, None)
@@ -128,8 +128,8 @@ def test_a_goal_that_the_motors_cannot_hold_is_named():
     points = robot.tool_position(np.array([start, goal]))
     reason = refused(PlanningProblem(robot, Tube(points, 0.05), start, goal))
     assert reason.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
-    assert reason.place.joint == "shoulder_lift_joint"
-    assert reason.place.position == pytest.approx(points[1])
+    assert reason.location.joint == "shoulder_lift_joint"
+    assert reason.location.position == pytest.approx(points[1])
 
 
 def test_a_middle_point_may_be_cut_off_as_far_as_the_tube_is_wide(two_link):
@@ -139,5 +139,5 @@ def test_a_middle_point_may_be_cut_off_as_far_as_the_tube_is_wide(two_link):
     )
     required(inside)
     reason = refused(outside)
-    assert (reason.status, reason.place.point) == (PlanStatus.UNREACHABLE, 1)
+    assert (reason.status, reason.location.point) == (PlanStatus.UNREACHABLE, 1)
     assert "was brought no nearer than 0.3 m" in str(reason)

@@ -29,7 +29,7 @@ from tubeplanner import (
 )
 from tubeplanner.first_guess.branches import KnownBranches, configured_ends
 from tubeplanner.geometry.collision_checker import link_covers
-from tubeplanner.outcome import Place, PlanningClock
+from tubeplanner.outcome import Location, PlanningClock
 from tubeplanner.planning.diagnosis import blocking_sample, certain_blocking_sample
 from tubeplanner.resources import bundled_problems
 from tubeplanner.task.problem_format import ObstacleFields, ProblemFields, RobotFields, TubeFields
@@ -111,7 +111,7 @@ def test_an_obstacle_in_the_way_is_named(obstacle, clearance, link, said, two_li
     problem = two_link_problem(two_link, [obstacle], clearance=clearance)
     result = plan(problem, PlanOptions(STOP))
     assert (result.status, result.trajectory) == (PlanStatus.TUBE_BLOCKED, None)
-    assert (result.place.obstacle, result.place.links) == (obstacle.name, (link,))
+    assert (result.location.obstacle, result.location.links) == (obstacle.name, (link,))
     assert all(words in result.message for words in said)
 
 
@@ -127,7 +127,7 @@ def test_links_in_each_others_way_are_named(ur5):
     tool = ur5.tool_position(q[None])[0]
     problem = PlanningProblem(ur5, Tube(tool + np.array([[0, 0, 0], [0, 0, 0.02]]), 0.1), q)
     result = plan(problem, SHORTEST)
-    assert (result.status, result.place.obstacle) == (PlanStatus.TUBE_BLOCKED, None)
+    assert (result.status, result.location.obstacle) == (PlanStatus.TUBE_BLOCKED, None)
     assert "overlap by" in result.message and "collision.ignore" in result.message
 
 
@@ -515,7 +515,7 @@ def test_a_place_without_a_configuration_ends_it_at_once():
     stages, early = [], replace(FAST, persistent=False)
     result = plan(with_ball(0.06), early, lambda now: stages.append(now.stage))
     assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, False)
-    assert result.place.obstacle == "ball"
+    assert result.location.obstacle == "ball"
     assert result.starts_tried
     assert not [stage for stage in stages if "refinement" in stage]
 
@@ -524,7 +524,7 @@ def test_the_tool_may_pass_anywhere_in_the_tube():
     """A ball at a corner leaves no configuration near it, but others in the tube about it."""
     problem = with_ball(0.03)
     start = KnownBranches(problem, PlanningClock(None, None)).require_ends()[0]
-    assert blocking_sample(problem, start, Place()).place.obstacle == "ball"
+    assert blocking_sample(problem, start, Location()).location.obstacle == "ball"
     assert certain_blocking_sample(problem, start) is None
 
 

@@ -356,7 +356,7 @@ def test_it_leaves_a_zone_as_if_there_were_none(bar, start, goal):
 @pytest.mark.parametrize(("start", "goal"), [(0.0, UPPER - 0.005), (UPPER - 0.005, UPPER)])
 def test_a_goal_in_a_zone_is_refused(bar, start, goal):
     result = plan(bar(start, goal, 0.3))
-    assert (result.status, result.place.joint) == (PlanStatus.NO_TRAJECTORY, "turn")
+    assert (result.status, result.location.joint) == (PlanStatus.NO_TRAJECTORY, "turn")
     assert "limits.velocity_by_position allows it no velocity that way" in result.message
 
 

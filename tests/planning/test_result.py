@@ -17,7 +17,7 @@ from tubeplanner import (
     plan,
 )
 from tubeplanner.first_guess.branches import KnownBranches
-from tubeplanner.outcome import Infeasible, Place, PlanningClock
+from tubeplanner.outcome import Infeasible, Location, PlanningClock
 from tubeplanner.planning.necessary_conditions import require_possible
 from tubeplanner.planning.result import refused_result, with_diagnosis
 
@@ -25,7 +25,7 @@ IN_THE_WAY = "in the start configuration"
 
 
 def reason(**fields):
-    return Infeasible(PlanStatus.NO_TRAJECTORY, "none", Place(), **fields)
+    return Infeasible(PlanStatus.NO_TRAJECTORY, "none", Location(), **fields)
 
 
 @pytest.mark.parametrize(
@@ -54,8 +54,8 @@ def between(two_link, *obstacles, **more):
     return PlanningProblem(two_link, tube, *ends, obstacles=obstacles, **more)
 
 
-def block_at(place):
-    return Obstacle.box("block", [0.05, 0.05, 0.05], placement_of(place))
+def block_at(location):
+    return Obstacle.box("block", [0.05, 0.05, 0.05], placement_of(location))
 
 
 def refusal_of(problem):

@@ -17,7 +17,7 @@ from tubeplanner import (
     placement_of,
     plan,
 )
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.planning.diagnosis import blocking_sample, path_samples
 
 BLOCKED, FAR, HEAVY = "tube_blocked", "unreachable", "gravity_exceeds_effort"
@@ -59,7 +59,7 @@ def with_point(k, point):
 
 def reason_of(problem):
     """Return what blocks a problem, without planning it."""
-    return blocking_sample(problem, START, Place())
+    return blocking_sample(problem, START, Location())
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,7 @@ def test_nothing_blocks_what_can_be_planned(possible):
 def test_what_blocks_is_named_before_the_rotation_tolerance(name, status, named, point, possible):
     reason = reason_of(made_impossible(name, possible))
     assert reason is not None
-    assert (reason.status, reason.place.point) == (status, point)
+    assert (reason.status, reason.location.point) == (status, point)
     assert named in str(reason)
 
 
@@ -124,11 +124,11 @@ def test_planning_names_it(name, status, named, persistent, possible):
 
 
 def test_places_are_points_then_what_lies_between(possible):
-    ended = Place(segment=1, position=(0.4, 0.2, 0.45))
+    ended = Location(segment=1, position=(0.4, 0.2, 0.45))
     samples = path_samples(possible, ended)
     points = [1, 2, 3, None, None, None, None]
-    assert [sample.place.point for sample in samples] == points
-    assert [sample.place.segment for sample in samples] == [0, 1, 2, 0, 1, 1, 2]
+    assert [sample.location.point for sample in samples] == points
+    assert [sample.location.segment for sample in samples] == [0, 1, 2, 0, 1, 1, 2]
     assert (samples[2].is_goal, samples[2].allowed) == (True, 0)
     assert samples[1].allowed == pytest.approx(0.015)  # half the smaller radius
     assert samples[1].segments == samples[1].rotation_rows == (1, 2)
@@ -138,6 +138,6 @@ def test_places_are_points_then_what_lies_between(possible):
 def test_of_a_long_path_few_places_are_asked(possible):
     points = [[0.3 + 0.01 * k, 0.3 + 0.02 * (k % 2), 0.4] for k in range(31)]
     problem = PlanningProblem(possible.robot, Tube(points, 0.01), Seed(START))
-    samples = path_samples(problem, Place(segment=20))
-    segments = {sample.place.segment for sample in samples}
+    samples = path_samples(problem, Location(segment=20))
+    segments = {sample.location.segment for sample in samples}
     assert segments == {17, 18, 19, 20, 21, 22, 23, 29}

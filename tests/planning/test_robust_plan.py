@@ -132,7 +132,7 @@ def test_where_none_survives_the_error_that_is_to_blame_is_named():
     assert survival.contribution.errors[0].short < 0 < survival.contribution.short
     assert f"no plan survives these errors; of the best one {survival.verdict}" in robust.message
     assert "tool of 0.02 is to blame most" in robust.message
-    assert robust.place.segment == 0  # where it leaves the tube
+    assert robust.location.segment == 0  # where it leaves the tube
 
 
 @pytest.mark.slow  # plans and simulates many tightened problems

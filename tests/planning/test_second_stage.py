@@ -23,7 +23,7 @@ from tubeplanner import (
 )
 from tubeplanner.limits.motor_costs import effort_variation
 from tubeplanner.optimizer.stages import SecondStage
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.planning.result import certified_result
 
 # The second stage: better within its time, certified, and the shortest motion where it fails.
@@ -151,7 +151,7 @@ def require_shortest(result, shortest, reason, stopped_by=None):
 
 
 def fails(*arguments):
-    raise Infeasible(PlanStatus.NO_TRAJECTORY, "", Place())
+    raise Infeasible(PlanStatus.NO_TRAJECTORY, "", Location())
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from tubeplanner.execution.excursions import Extreme
 from tubeplanner.execution.plants import Draw
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.optimizer.stages import Sensitivity
-from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, TimeLimitReached
+from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, TimeLimitReached
 from tubeplanner.planning import surviving_plans as tightened_plans
 from tubeplanner.planning import surviving_plans as tightening
 from tubeplanner.planning.result import PlanResult
@@ -49,7 +49,7 @@ class Seen:
 
     def runs(self, problem, trajectory, errors, draw, checkpoint):
         self.asked = problem, trajectory, errors, draw
-        failing = [judged_run(tube=Extreme(0.1, Place()))] * self.failed
+        failing = [judged_run(tube=Extreme(0.1, Location()))] * self.failed
         return failing + [judged_run()] * (draw.runs - self.failed)
 
 
@@ -90,7 +90,7 @@ def plans_of(problem, again=None, follow=as_it_is):
 
 def result(duration=2.0, *prices):
     trajectory = SimpleNamespace(duration=duration)
-    success = PlanResult(PlanStatus.SUCCESS, "", Place(), "", trajectory=trajectory)
+    success = PlanResult(PlanStatus.SUCCESS, "", Location(), "", trajectory=trajectory)
     return replace(success, sensitivities=prices)
 
 
@@ -256,7 +256,7 @@ def raising(error):
     "again",
     [
         raising(ProblemError("nothing is left")),
-        raising(Infeasible(PlanStatus.TUBE_BLOCKED, "no", Place())),
+        raising(Infeasible(PlanStatus.TUBE_BLOCKED, "no", Location())),
         lambda problem, motion: replace(result(), status=PlanStatus.NO_TRAJECTORY),
     ],
     ids=["no problem", "infeasible", "no answer"],

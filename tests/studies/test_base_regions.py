@@ -100,8 +100,8 @@ def test_a_base_that_stands_in_an_obstacle_is_refused_by_name_and_depth(tmp_path
     with pytest.raises(Infeasible) as refused:
         require_base_free(at(tmp_path, -0.17, 0.3), ON_FLOOR)
     assert str(refused.value) == "'base', which no joint moves, stands 20.0 mm in 'post'"
-    place = refused.value.place
-    assert (refused.value.status, place.links, place.obstacle) == (
+    location = refused.value.location
+    assert (refused.value.status, location.links, location.obstacle) == (
         "tube_blocked",
         ("base",),
         "post",

@@ -65,12 +65,12 @@ def test_each_change_is_planned_with(workers):
     refused = (simple_change("start", propose=_unknown), 1.0)
     found = dict(trials.of([*wide, blocked, refused], True))
     assert (sorted(found), trials.count) == ([0, 1, 2, 3], 4)
-    for place, size in enumerate(sizes):
+    for location, size in enumerate(sizes):
         direct = plan(question.load({"tube.radius": size}), QUICK)
-        assert (found[place].size, found[place].succeeded) == (size, True)
-        assert found[place].duration == pytest.approx(direct.duration, rel=1e-9)
-    for place in (2, 3):
-        assert (found[place].duration, found[place].succeeded) == (None, False)
+        assert (found[location].size, found[location].succeeded) == (size, True)
+        assert found[location].duration == pytest.approx(direct.duration, rel=1e-9)
+    for location in (2, 3):
+        assert (found[location].duration, found[location].succeeded) == (None, False)
     assert found[2].proposal.text == "far away"
     assert sorted(each.stage for each in told)[0] == "tried: far away"
 

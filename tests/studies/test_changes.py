@@ -6,7 +6,7 @@ from asked_problems import PLANAR, POINTS, asked, simple_change
 
 from tubeplanner import ProblemSpec
 from tubeplanner.errors import ProblemError
-from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.outcome import Location, PlanStatus
 from tubeplanner.studies.changes import Question, exact, figures, from_to, in_order, rounded
 
 
@@ -66,9 +66,9 @@ def change(field, kind, *about):
     return simple_change(field, kind=kind, about=frozenset(about))
 
 
-def fields_of(changes, status, place):
+def fields_of(changes, status, location):
     """Return the fields of the two groups about the place, of those elsewhere and of all else."""
-    tiers = in_order(changes, status, place)
+    tiers = in_order(changes, status, location)
     assert [len(tier) for tier in tiers] == [2, 1, 1]
     return [[each.field for each in group] for tier in tiers for group in tier]
 
@@ -85,8 +85,8 @@ def test_the_likeliest_kinds_about_the_place_come_first():
         change("sign", "sign", "joint1"),
         change("radii", "radii"),
     ]
-    place = Place(segment=2, obstacle="wall", links=("hand",))
-    assert fields_of(changes, PlanStatus.TUBE_BLOCKED, place) == [
+    location = Location(segment=2, obstacle="wall", links=("hand",))
+    assert fields_of(changes, PlanStatus.TUBE_BLOCKED, location) == [
         ["clearance", "wall", "radii", "sign"],
         ["radius 2", "point 3"],
         ["table", "radius 0"],
@@ -97,7 +97,7 @@ def test_the_likeliest_kinds_about_the_place_come_first():
 def test_what_nobody_can_change_is_tried_last():
     changes = [change(kind, kind) for kind in ("attached", "points", "ends", "point")]
     for status in (PlanStatus.TUBE_BLOCKED, PlanStatus.NO_TRAJECTORY):
-        *likely, unlikely = fields_of(changes, status, Place(links=("hand",)))
+        *likely, unlikely = fields_of(changes, status, Location(links=("hand",)))
         assert unlikely == ["attached", "points", "ends"]
         assert [each for group in likely for each in group] == ["point"]
 
@@ -109,8 +109,8 @@ def test_a_joint_that_is_too_weak_comes_before_the_others():
         change("joint1", "effort", "joint1"),
         change("joint2", "effort", "joint2"),
     ]
-    place = Place(joint="joint2", segment=0)
-    assert fields_of(changes, PlanStatus.GRAVITY_EXCEEDS_EFFORT, place) == [
+    location = Location(joint="joint2", segment=0)
+    assert fields_of(changes, PlanStatus.GRAVITY_EXCEEDS_EFFORT, location) == [
         ["joint2", "payload"],
         [],
         ["joint1"],
@@ -121,7 +121,7 @@ def test_a_joint_that_is_too_weak_comes_before_the_others():
 def test_a_point_is_about_its_two_segments_too():
     changes = [change(f"radius {k}", "radius", f"segment {k}") for k in range(4)]
     changes += [change(f"point {k}", "point", f"point {k}") for k in range(4)]
-    assert fields_of(changes, PlanStatus.UNREACHABLE, Place(point=2)) == [
+    assert fields_of(changes, PlanStatus.UNREACHABLE, Location(point=2)) == [
         ["radius 1", "radius 2"],
         ["point 2"],
         ["radius 0", "radius 3", "point 0", "point 1", "point 3"],
@@ -134,9 +134,14 @@ def test_what_links_are_near_is_about_the_place():
         change("other pair", "clearance", "link arm", "obstacle wall"),
         change("pair", "clearance", "link hand", "obstacle post"),
     ]
-    place = Place(links=("hand", "elbow"))
-    assert fields_of(changes, PlanStatus.TUBE_BLOCKED, place) == [["pair"], [], ["other pair"], []]
+    location = Location(links=("hand", "elbow"))
+    assert fields_of(changes, PlanStatus.TUBE_BLOCKED, location) == [
+        ["pair"],
+        [],
+        ["other pair"],
+        [],
+    ]
     # Where nothing is likelier all kinds may help.
     changes = [change("effort", "effort", "joint1"), change("radius", "radius", "segment 1")]
-    found = fields_of(changes, PlanStatus.NO_TRAJECTORY, Place(segment=1))
+    found = fields_of(changes, PlanStatus.NO_TRAJECTORY, Location(segment=1))
     assert found == [["radius"], [], ["effort"], []]

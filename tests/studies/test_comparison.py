@@ -11,7 +11,7 @@ from stored_trajectories import STOP
 
 from tubeplanner import JointTrajectory, OptionError, PlanOptions, Tube, compare, load_problem, plan
 from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.output.figures import figure_files
 from tubeplanner.planning.options import METHODS
 from tubeplanner.studies import comparison as module
@@ -113,7 +113,7 @@ def test_every_method_and_baseline_has_its_row(compared):
 def test_one_that_fails_never_stops_the_others(slider, monkeypatch):
     def broken(problem, name, progress=None):
         if name == "conventional":
-            raise Infeasible(PlanStatus.UNREACHABLE, "no way", Place())
+            raise Infeasible(PlanStatus.UNREACHABLE, "no way", Location())
         if name == "bang-bang":
             raise ZeroDivisionError("by zero")
         return judged_baseline(problem, name, progress)

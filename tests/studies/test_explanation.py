@@ -13,14 +13,14 @@ from gantry import FIELDS, POST, gantry
 
 from tubeplanner import Explanation, explain, load_problem, parse_problem, plan
 from tubeplanner.errors import ProblemError
-from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.outcome import Location, PlanStatus
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies import change_trials as trials_module
 from tubeplanner.studies.explanation import InvalidProblem, ineffective_text, setting_text
 
 PROBLEM = parse_problem(PLANAR)
-PLACE = Place(segment=1, joint="joint2")
+PLACE = Location(segment=1, joint="joint2")
 APART = [{"joint2": [-2, -1]}, {"joint2": [0, 1]}, {}]
 HEAD = 0.02  # of the gantry [m]
 NEAREST = 0.2  # of the post, along x and along y, to where the tool starts [m]
@@ -49,23 +49,23 @@ def invalid(**changes):
 def test_an_end_outside_has_its_place_and_is_drawn():
     known = invalid(start={"joints": [0.2, 4.0]})
     assert known.message.startswith("start: joint 'joint2' at 4 is outside")
-    assert (known.place.joint, known.place.segment, known.proved) == ("joint2", 0, None)
+    assert (known.location.joint, known.location.segment, known.proved) == ("joint2", 0, None)
     np.testing.assert_array_equal(known.configuration, [0.2, 4.0])
     np.testing.assert_array_equal(known.drawn.tube.points, POINTS)
     assert [each.name for each in known.drawn.obstacles] == ["post.1"]
     known = invalid(goal={"joints": [0.0, -0.5]})  # outside its segment: the tool is its place
     tool = known.drawn.robot.tool_position(np.array([[0.0, -0.5]]))[0]
-    assert known.place.position == pytest.approx(tool)
-    assert (known.place.segment, known.place.point) == (2, 3)
+    assert known.location.position == pytest.approx(tool)
+    assert (known.location.segment, known.location.point) == (2, 3)
     np.testing.assert_array_equal(known.configuration, [0.0, -0.5])
-    assert invalid(start={"joints": [0.0, -0.5]}).place.point == 0
+    assert invalid(start={"joints": [0.0, -0.5]}).location.point == 0
 
 
 def test_ranges_that_do_not_meet_are_proved_and_the_tube_is_drawn_without():
     for signs in (APART, {"joint2": [4, 5]}):
         known = invalid(tube__joint_signs=signs)
         assert known.message.endswith("proved: there is no motion")
-        assert (known.place.joint, known.place.segment, known.proved) == ("joint2", 0, True)
+        assert (known.location.joint, known.location.segment, known.proved) == ("joint2", 0, True)
         assert known.drawn.tube.joint_ranges == ({}, {}, {})
     union = invalid(tube__joint_signs={"joint2": [4, 5]}, tube__visit="any")
     assert union.proved is None  # one capsule may be left out
@@ -79,7 +79,7 @@ def test_a_problem_without_an_answer_says_where_and_why():
     result = PlanResult(PlanStatus.UNREACHABLE, "for a reason", PLACE, "refinement")
     found = Explanation("name", PROBLEM, result, None, ineffective=("a",))
     assert (found.is_possible, found.succeeded) == (False, False)
-    assert (found.status, found.message, found.place) == ("unreachable", "for a reason", PLACE)
+    assert (found.status, found.message, found.location) == ("unreachable", "for a reason", PLACE)
     helped = replace(found, remedies=(REMEDY,), tried=7)
     assert (helped.is_possible, helped.succeeded) == (False, True)
     fields = helped.as_dict()
@@ -91,7 +91,7 @@ def test_a_problem_without_an_answer_says_where_and_why():
 def test_what_cannot_be_posed_is_bad_input():
     invalid = InvalidProblem("start is not there", PLACE, True, None, PROBLEM)
     found = Explanation("name", None, None, invalid, stopped_by="time_limit")
-    assert (found.message, found.place, found.succeeded) == ("start is not there", PLACE, False)
+    assert (found.message, found.location, found.succeeded) == ("start is not there", PLACE, False)
     assert (found.drawn, found.configuration) == (PROBLEM, None)
     fields = found.as_dict()
     assert (fields["status"], fields["stopped_by"]) == ("bad_input", "time_limit")
@@ -318,7 +318,7 @@ def test_the_radius_about_a_point_out_of_reach_is_found(tmp_path):
     points = [[0.0, 0.0, 0.0], [1 + beyond, 0.0, 0.0], [0.5, 0.0, 0.0]]
     path = gantry(tmp_path, tube={"points": points, "radius": [0.01, 0.05]})
     found = explained(path)
-    assert (found.status, found.place.point) == (PlanStatus.UNREACHABLE, 1)
+    assert (found.status, found.location.point) == (PlanStatus.UNREACHABLE, 1)
     radius = remedy_of(found, "segment 0: 10 -> ")
     assert radius.field == "tube.radius.0"
     require_known(0.01, radius.after, beyond)

@@ -7,14 +7,14 @@ import resource
 import pytest
 
 from tubeplanner.errors import OutputError
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.studies import journal as journal_module
 from tubeplanner.studies.journal import Journal, require_fields
 from tubeplanner.studies.placement_rows import PlacementRow
 from tubeplanner.studies.study_run import StudyRow
 
 KEPT = {"status": "success", "duration": 0.1 + 0.2}
-PLACE = Place().as_dict()
+PLACE = Location().as_dict()
 ANSWER = {"status": "success", "where": PLACE, "notes": [], "duration": 1.5}
 TRIED = {
     **{"position": [0.0, 0.0, 0.0], "yaw": 0.5, "status": "success", "message": ""},
@@ -33,7 +33,7 @@ LINE = '{"key": "p", "row": {"status": "success"}}\n'
 
 
 def test_answers_that_may_be_are_taken_and_others_refused():
-    require_fields(Place, {"segment": 1, "links": ["a", "b"]})
+    require_fields(Location, {"segment": 1, "links": ["a", "b"]})
     assert StudyRow.of(0, {}, "k", ANSWER).duration == 1.5
     assert PlacementRow.of_dict(TRIED).as_dict() == TRIED
     for name, value in WRONG:

@@ -11,7 +11,7 @@ import pytest
 from gantry import BEST_DURATION, BEST_YAW, FLOOR, POST, gantry
 
 from tubeplanner import OptionError, PlaceOptions, ProblemError, Stand, load_problem, place, plan
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.output.files.problem_file import with_placement
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies import placement as module
@@ -224,7 +224,7 @@ def test_a_base_in_an_obstacle_is_refused_and_no_place_at_all_is_an_answer(folde
     path = gantry(folder, [FLOOR, POST], "blocked")
     result = placed(path, IN_POST, stands_on=["floor"])
     assert (result.succeeded, result.best, result.result, result.gain) == (False, None, None, None)
-    assert [(row.status, row.place.obstacle) for row in result.rows] == [
+    assert [(row.status, row.location.obstacle) for row in result.rows] == [
         ("base_in_obstacle", "post")
     ] * 8
     ((reason, count, _),) = result.reasons
@@ -323,5 +323,5 @@ def test_the_largest_group_comes_first():
     rows = [PlacementRow(Stand(x, 0, 0, 0), status, "") for x, status in enumerate("abbcbc")]
     groups = grouped(rows, lambda row: row.status)
     assert [(key, len(found)) for key, found in groups] == [("b", 3), ("c", 2), ("a", 1)]
-    at_a_limit = PlacementRow(Stand(0, 0, 0, 0), "unreachable", "", Place(joint="along"))
+    at_a_limit = PlacementRow(Stand(0, 0, 0, 0), "unreachable", "", Location(joint="along"))
     assert at_a_limit.reason == "unreachable: along"

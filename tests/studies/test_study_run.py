@@ -11,7 +11,7 @@ from studied import EFFORT, MASS, PROBLEM, QUICK, RADIUS, Here, Together, small_
 
 from tubeplanner import JointTrajectory, PlanOptions, ProblemError, load_problem, plan, run_study
 from tubeplanner.errors import OptionError, OutputError
-from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.outcome import Location, PlanStatus
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies import study_run
 from tubeplanner.studies import study_run as study_row
@@ -40,7 +40,7 @@ def test_a_row_is_what_plan_answers_to_the_last_bit():
     row, result = row_of(), plan(load_problem(PROBLEM), QUICK)
     assert (row.status, row.duration, row.message) == ("success", result.duration, result.message)
     assert (row.shortest_duration, row.method) == (result.shortest_duration, result.method)
-    assert (row.notes, row.where, row.key) == (result.notes, Place(), "key")
+    assert (row.notes, row.where, row.key) == (result.notes, Location(), "key")
     assert (row.runs, row.runs_failed) == (None, None)
     assert min(row.planning_time, row.loading_time) > 0
     assert row.trajectory_hash == row_of().trajectory_hash
@@ -53,7 +53,7 @@ def test_the_hash_is_of_every_bit(monkeypatch):
     coefficients = result.trajectory.coefficients.copy()
     coefficients[0, 0, 0] = np.nextafter(coefficients[0, 0, 0], np.inf)
     other = JointTrajectory(["joint1", "joint2"], result.trajectory.breakpoints, coefficients)
-    answer = PlanResult(PlanStatus.SUCCESS, "", Place(), "m", other)
+    answer = PlanResult(PlanStatus.SUCCESS, "", Location(), "m", other)
     monkeypatch.setattr(study_row, "plan_either", lambda *_: answer)
     assert row_of().trajectory_hash != before
 
@@ -83,7 +83,7 @@ def test_a_place_travels():
 
 
 def test_ctrl_c_is_no_answer_and_a_bug_not_taken_for_bad_input(monkeypatch):
-    stopped = PlanResult(PlanStatus.SUCCESS, "", Place(), "m", stopped_by="interrupt")
+    stopped = PlanResult(PlanStatus.SUCCESS, "", Location(), "m", stopped_by="interrupt")
     monkeypatch.setattr(study_row, "plan_either", lambda *_: stopped)
     with pytest.raises(KeyboardInterrupt):
         row_of()

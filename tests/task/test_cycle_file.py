@@ -46,7 +46,7 @@ TO_PICK, CLOSE, TAKE, TO_PLACE, OPEN, LET_GO, BACK = range(7)
 def cycle_fields():
     """Return the fields of the cycle `pick_and_place`."""
     robot = planar_arm()
-    home, pick, place = robot.tool_position(np.array([HOME, PICK, PLACE])).round(9).tolist()
+    home, pick, location = robot.tool_position(np.array([HOME, PICK, PLACE])).round(9).tolist()
     return {
         "format": "tubeplanner/cycle",
         "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
@@ -57,10 +57,10 @@ def cycle_fields():
             {"name": "to_pick", "tube": {"points": [home, pick], "radius": 0.2}},
             {"event": "gripper", "set": "close", "dwell": DWELL},
             {"attach": "part"},
-            {"name": "to_place", "tube": {"points": [pick, place], "radius": 0.2}},
+            {"name": "to_place", "tube": {"points": [pick, location], "radius": 0.2}},
             {"event": "gripper", "set": "open", "dwell": DWELL},
             {"detach": "part"},
-            {"name": "back", "tube": {"points": [place, home], "radius": 0.2}},
+            {"name": "back", "tube": {"points": [location, home], "radius": 0.2}},
         ],
     }
 

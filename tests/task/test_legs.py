@@ -21,7 +21,7 @@ from tubeplanner import (
     Tube,
     load_robot,
 )
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.task.legs import ending_for, joined_moves, legs_of, step_text, stop_text
 
 # An open end is turned as the next move begins.
@@ -325,11 +325,14 @@ def test_a_place_in_a_leg_is_told_as_one_of_its_moves_in_the_cycle():
     passing = {**move_fields("second", "cd"), "pass_through": True}
     cycle = cycle_of(move_fields("first", "abc"), passing, move_fields("third", "dc"))
     leg = cycle.legs[0]
-    places = [leg.in_cycle(Place(segment=segment, time=1.0), 2.0) for segment in range(3)]
-    locations = [(place.move, place.segment, place.time) for place in places]
-    assert locations == [("first", 0, 3.0), ("first", 1, 3.0), ("second", 0, 3.0)]
-    whole = leg.in_cycle(Place(joint="joint1"), 2.0)
-    assert whole == Place(move="first, second", joint="joint1")
+    in_cycle = [leg.in_cycle(Location(segment=segment, time=1.0), 2.0) for segment in range(3)]
+    assert [(location.move, location.segment, location.time) for location in in_cycle] == [
+        ("first", 0, 3.0),
+        ("first", 1, 3.0),
+        ("second", 0, 3.0),
+    ]
+    whole = leg.in_cycle(Location(joint="joint1"), 2.0)
+    assert whole == Location(move="first, second", joint="joint1")
     assert [cycle.label(k) for k in (0, 1)] == [
         "moves 1 to 2 of 3, 'first', 'second'",
         "move 3 of 3, 'third'",

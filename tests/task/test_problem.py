@@ -50,8 +50,8 @@ WITHOUT_TUBE = ("two_link/through_the_gap", "ur5/past_a_wall", "panda/shelf_to_s
 def changed(**changes):
     """Return the least problem with values replaced; `__` stands for the dot between keys."""
     data = copy.deepcopy(MINIMAL)
-    for place, value in changes.items():
-        *sections, key = place.split("__")
+    for location, value in changes.items():
+        *sections, key = location.split("__")
         section = data
         for name in sections:
             section = section.setdefault(name, {})

@@ -38,10 +38,10 @@ DEFS = SCHEMA["$defs"]
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 
 
-def changed(place, value):
+def changed(location, value):
     """Return the least problem with one value replaced, added, or taken away."""
     data = copy.deepcopy(MINIMAL)
-    *sections, key = place.split(".")
+    *sections, key = location.split(".")
     section = data
     for name in sections:
         section = section.setdefault(name, {})
@@ -169,8 +169,8 @@ def test_so_does_one_of_the_top_level_or_of_a_list():
         ("obstacles", [{"sphere": 1}], "obstacles[0].name"),
     ],
 )
-def test_a_required_field_that_is_missing_is_named(place, value, name):
-    assert fault(changed(place, value)) == f"{name} is required"
+def test_a_required_field_that_is_missing_is_named(location, value, name):
+    assert fault(changed(location, value)) == f"{name} is required"
 
 
 NUMBER = "it must be a number"
@@ -214,8 +214,8 @@ SCALAR = "it must be a text, a number, true or false"
         ("version", 2, " is 2; it must be 1"),
     ],
 )
-def test_a_value_of_the_wrong_type_is_named_with_its_place(place, value, message):
-    assert fault(changed(place, value)).startswith(f"{place}{message}")
+def test_a_value_of_the_wrong_type_is_named_with_its_place(location, value, message):
+    assert fault(changed(location, value)).startswith(f"{location}{message}")
 
 
 @pytest.mark.parametrize("data", [None, [], "robot", 5])
@@ -223,9 +223,9 @@ def test_a_problem_that_is_no_map_is_refused(data):
     assert fault(data) == "a problem is a map with robot, tube and start"
 
 
-@pytest.mark.parametrize(("place", "value"), [("tube.radius", np.inf), ("clearance", np.nan)])
-def test_numbers_outside_limits_must_be_finite(place, value):
-    assert fault(changed(place, value)) == f"{place} is {value}; it must be a finite number"
+@pytest.mark.parametrize(("location", "value"), [("tube.radius", np.inf), ("clearance", np.nan)])
+def test_numbers_outside_limits_must_be_finite(location, value):
+    assert fault(changed(location, value)) == f"{location} is {value}; it must be a finite number"
 
 
 @pytest.mark.parametrize("quantity", ["effort", "velocity", "acceleration", "jerk", "effort_rate"])

@@ -19,12 +19,12 @@ def table(q, below, name="table"):
 
 
 def cycle(*obstacles, clearance=0.01, contacts=(), goal=None):
-    place = None if goal is None else PLACE
+    location = None if goal is None else PLACE
     to_pick, to_place, back = (
         move(ARM, name, *ends, clearance=clearance, **more)
         for name, ends, more in (
             ("to_pick", (HOME, PICK), {"goal": goal}),
-            ("to_place", (PICK, PLACE), {"goal": place, "contacts": contacts}),
+            ("to_place", (PICK, PLACE), {"goal": location, "contacts": contacts}),
             ("back", (PLACE, HOME), {}),
         )
     )

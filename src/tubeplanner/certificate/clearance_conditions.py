@@ -22,7 +22,7 @@ from tubeplanner.certificate.judged_motion import (
 )
 from tubeplanner.certificate.tube_visits import Visit, visited_parts
 from tubeplanner.geometry.collision_checker import CollisionChecker
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import NearEnd, RequiredDistances
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -58,8 +58,8 @@ def _judge_clearance(motion: JudgedMotion, columns: IntArray, not_asked: str) ->
             not_asked = "the robot has no collision geometry: nothing could be checked"
         return not_required("m", not_asked)
     links, obstacle = checker.owners(nearest.pair)
-    place = Place(time=nearest.time, links=links, obstacle=obstacle)
-    return bracketed(nearest.lower_bound, nearest.margin, "m", place)
+    location = Location(time=nearest.time, links=links, obstacle=obstacle)
+    return bracketed(nearest.lower_bound, nearest.margin, "m", location)
 
 
 class ClearanceMargin:

@@ -18,7 +18,7 @@ from tubeplanner.certificate.judged_motion import (
 from tubeplanner.certificate.verification import Certificate, verify
 from tubeplanner.checks import given_options
 from tubeplanner.errors import ProblemError, TrajectoryError, shown
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion
@@ -75,11 +75,11 @@ class CycleCertificate:
         unit = "" if condition.unit == RELATIVE else f" {condition.unit}"
         return f"{where}: {name}: margin {condition.margin:.3g}{unit} ({condition.coverage})"
 
-    def place(self, failure: str) -> Place:
+    def location(self, failure: str) -> Location:
         """Return the location of a failure, named as in `failures`, with the move."""
         where, name = failure.rsplit(": ", 1)
         if where in self.refused:
-            return Place(move=where)
+            return Location(move=where)
         conditions = self.moves[where].conditions if where in self.moves else self.junctions[where]
         return conditions[name].where
 
@@ -193,8 +193,8 @@ def _judged_stay(motion: CycleMotion, junction: int, begin: float, end: float) -
         starts = [*part.coefficients[-1], *starts]
     if len(travelled) < 2:
         return not_required("rad", "the arm does not dwell here")
-    places = np.array([*stops, *starts])
-    farthest = (abs(places - places[0]) + travelled).max(axis=0)
+    locations = np.array([*stops, *starts])
+    farthest = (abs(locations - locations[0]) + travelled).max(axis=0)
     return _judged_gap(motion.cycle.robot, farthest, begin, FOR_ALL_TIMES)
 
 
@@ -211,7 +211,7 @@ def _judged_dwell(motion: CycleMotion, junction: int) -> JudgedCondition:
     if not spare:
         return not_required("s", "no event takes time here")
     margin, begin = min(spare)
-    return JudgedCondition(margin, "s", Place(time=begin), "every event against its dwell")
+    return JudgedCondition(margin, "s", Location(time=begin), "every event against its dwell")
 
 
 def _judged_hold(stop: Stop, q: FloatArray, time: float) -> JudgedCondition:
@@ -221,9 +221,9 @@ def _judged_hold(stop: Stop, q: FloatArray, time: float) -> JudgedCondition:
     if np.isinf(margins).all():
         return not_required(RELATIVE, "no joint has this limit")
     arm, joint = np.unravel_index(int(margins.argmin()), margins.shape)
-    place = Place(time=time, joint=arms[arm].joint_names[joint])
+    location = Location(time=time, joint=arms[arm].joint_names[joint])
     coverage = "at rest, with and without what is taken or let go"
-    return JudgedCondition(float(margins[arm, joint]), RELATIVE, place, coverage)
+    return JudgedCondition(float(margins[arm, joint]), RELATIVE, location, coverage)
 
 
 def _hold_margin(arm: RobotModel, q: FloatArray) -> FloatArray:
@@ -238,5 +238,5 @@ def _judged_gap(robot: RobotModel, gap: FloatArray, time: float, coverage: str) 
     """Judge gaps of joints, (n,) [rad or m], by the largest."""
     joint = int(gap.argmax())
     unit = "rad" if robot.revolute[joint] else "m"
-    place = Place(time=time, joint=robot.joint_names[joint])
-    return JudgedCondition(0.0 - float(gap[joint]), unit, place, coverage)
+    location = Location(time=time, joint=robot.joint_names[joint])
+    return JudgedCondition(0.0 - float(gap[joint]), unit, location, coverage)

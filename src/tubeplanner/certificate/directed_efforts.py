@@ -131,8 +131,8 @@ def _parts(
     begin, widths = trajectory.breakpoints, trajectory.widths
     pieces = np.searchsorted(begin, smooth.start + smooth.width / 2, side="right") - 1
     count = len(pieces)
-    place = pieces + (smooth.start - begin[pieces]) / widths[pieces]
-    cut = np.searchsorted(place, instants.piece + instants.fraction, side="right") - 1
+    position = pieces + (smooth.start - begin[pieces]) / widths[pieces]
+    cut = np.searchsorted(position, instants.piece + instants.fraction, side="right") - 1
     time = begin[instants.piece] + widths[instants.piece] * instants.fraction
     fraction = np.clip((time - smooth.start[cut]) / smooth.width[cut], 0.0, 1.0)
     joint = np.append(np.repeat(joints, count), instants.column)

@@ -17,7 +17,7 @@ from tubeplanner.certificate.judged_motion import (
     not_required,
     undecided,
 )
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.polynomials import maxima, peak_magnitudes
 
@@ -104,8 +104,8 @@ def judged_both_ways(
     if error > EFFORT_ENCLOSURE:
         coverage = undecided(margin + error, RELATIVE)
     time = efforts.start[worst] + peak.local_time[0] * efforts.width[worst]
-    place = Place(time=float(time), joint=motion.robot.joint_names[efforts.joint[worst]])
-    return JudgedCondition(margin, RELATIVE, place, coverage)
+    location = Location(time=float(time), joint=motion.robot.joint_names[efforts.joint[worst]])
+    return JudgedCondition(margin, RELATIVE, location, coverage)
 
 
 # Error of enclosed rates, as a fraction of their limits: tighter than the certificate's tolerance,
@@ -150,8 +150,8 @@ def judged_peak(
     coverage = FOR_ALL_TIMES
     if error[worst] > closeness:
         coverage = undecided(1 - float(peaks.value[worst]), RELATIVE)
-    place = Place(time=float(time), joint=motion.robot.joint_names[bounded[worst]])
-    return JudgedCondition(1 - float(above[worst]), RELATIVE, place, coverage)
+    location = Location(time=float(time), joint=motion.robot.joint_names[bounded[worst]])
+    return JudgedCondition(1 - float(above[worst]), RELATIVE, location, coverage)
 
 
 def friction_jumps(motion: JudgedMotion, joints: BoolArray) -> str:
@@ -178,8 +178,8 @@ def friction_jumps(motion: JudgedMotion, joints: BoolArray) -> str:
     joint, piece = intervals.joint[worst], intervals.piece[worst]
     time = trajectory.breakpoints[piece] + intervals.start[worst] * trajectory.widths[piece]
     unit = "N m" if robot.revolute[joint] else "N"
-    place = Place(time=float(time), joint=robot.joint_names[joint])
+    location = Location(time=float(time), joint=robot.joint_names[joint])
     return (
         f"Coulomb friction, which is apart, jumps at {len(at)} reversal{'s'[: len(at) > 1]}, by "
-        f"at most {jump[joint]:.3g} {unit} ({place})"
+        f"at most {jump[joint]:.3g} {unit} ({location})"
     )

@@ -15,7 +15,7 @@ from tubeplanner.certificate.judged_motion import (
     bracketed,
     not_required,
 )
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import (
@@ -33,8 +33,8 @@ def judge_position(motion: JudgedMotion) -> JudgedCondition:
     least = range_margin(motion.trajectory, limits.lower_position, limits.upper_position)
     if least is None:
         return not_required("rad", "no joint has position limits")
-    place = Place(time=least.time, joint=least.joint)
-    return JudgedCondition(least.margin, motion.position_unit(least.joint), place, FOR_ALL_TIMES)
+    location = Location(time=least.time, joint=least.joint)
+    return JudgedCondition(least.margin, motion.position_unit(least.joint), location, FOR_ALL_TIMES)
 
 
 def judge_velocity(motion: JudgedMotion) -> JudgedCondition:
@@ -63,8 +63,8 @@ def _judge_derivative(motion: JudgedMotion, order: int, limit: FloatArray) -> Ju
     trajectory = motion.trajectory
     used = trajectory.derivative_coefficients(order)[:, :, bounded] / limit[bounded]
     peak = highest(peak_magnitudes(used, trajectory.widths), trajectory)
-    place = Place(time=peak.time, joint=motion.robot.joint_names[bounded[peak.column]])
-    return JudgedCondition(1 - peak.value, RELATIVE, place, FOR_ALL_TIMES)
+    location = Location(time=peak.time, joint=motion.robot.joint_names[bounded[peak.column]])
+    return JudgedCondition(1 - peak.value, RELATIVE, location, FOR_ALL_TIMES)
 
 
 def judge_joint_signs(motion: JudgedMotion) -> JudgedCondition:
@@ -84,8 +84,8 @@ def judge_joint_signs(motion: JudgedMotion) -> JudgedCondition:
         return not_required("rad", "no segment has joint signs")
     worst, visits = min(margins, key=lambda item: item[0].margin)
     segment = next((v.segment for v in visits if worst.time <= v.end), visits[-1].segment)
-    place = Place(worst.time, worst.joint, motion.segment_number(segment, worst.time))
-    return JudgedCondition(worst.margin, motion.position_unit(worst.joint), place, FOR_ALL_TIMES)
+    location = Location(worst.time, worst.joint, motion.segment_number(segment, worst.time))
+    return JudgedCondition(worst.margin, motion.position_unit(worst.joint), location, FOR_ALL_TIMES)
 
 
 def judge_start(motion: JudgedMotion) -> JudgedCondition:
@@ -100,7 +100,7 @@ def judge_goal(motion: JudgedMotion) -> JudgedCondition:
         return _judge_end(motion, -1, duration)
     tool = motion.robot.tool_position(motion.trajectory.position(duration)[None])[0]
     coverage = f"tool within {region.tolerance:g} m of the goal's position"
-    return JudgedCondition(region.margin(tool), "m", Place(time=duration), coverage)
+    return JudgedCondition(region.margin(tool), "m", Location(time=duration), coverage)
 
 
 def _judge_end(motion: JudgedMotion, index: int, time: float) -> JudgedCondition:
@@ -110,20 +110,20 @@ def _judge_end(motion: JudgedMotion, index: int, time: float) -> JudgedCondition
         rotation, position = (part[0] for part in motion.robot.tool_pose(q[None]))
         distance, angle = end.pose.errors(rotation, position)
         unit, worst = ("m", distance) if distance >= angle else ("rad", angle)
-        return JudgedCondition(0.0 - worst, unit, Place(time=time), "tool at its pose")
+        return JudgedCondition(0.0 - worst, unit, Location(time=time), "tool at its pose")
     if end.joints is None:
         tool = motion.robot.tool_position(q[None])[0]
         error = float(np.linalg.norm(tool - motion.tube.points[index]))
         radius = float(motion.problem.end_radii[index])
         if radius and error > motion.tolerance.absolute and not _reaches(motion, index, q):
             coverage = f"tool within {radius:g} m of the reference point, out of the arm's reach"
-            return JudgedCondition(radius - error, "m", Place(time=time), coverage)
-        return JudgedCondition(0.0 - error, "m", Place(time=time), "tool at the reference point")
+            return JudgedCondition(radius - error, "m", Location(time=time), coverage)
+        return JudgedCondition(0.0 - error, "m", Location(time=time), "tool at the reference point")
     off = abs(q - end.joints)
     joint = motion.robot.joint_names[int(off.argmax())]
-    place = Place(time=time, joint=joint)
+    location = Location(time=time, joint=joint)
     return JudgedCondition(
-        0.0 - float(off.max()), motion.position_unit(joint), place, FOR_ALL_TIMES
+        0.0 - float(off.max()), motion.position_unit(joint), location, FOR_ALL_TIMES
     )
 
 
@@ -147,7 +147,7 @@ def _reaches(motion: JudgedMotion, index: int, q: FloatArray) -> bool:
 
 def judge_rest(motion: JudgedMotion) -> JudgedCondition:
     """Judge velocity and acceleration at both ends, relative to their largest values."""
-    worst, place = 0.0, Place()
+    worst, location = 0.0, Location()
     for order in (1, 2):
         values = motion.piece_ends(order)
         ends = np.array([values[0, 0], values[1, -1]])
@@ -156,8 +156,8 @@ def judge_rest(motion: JudgedMotion) -> JudgedCondition:
             end, joint = np.unravel_index(int(fraction.argmax()), fraction.shape)
             time = float(motion.trajectory.breakpoints[-end])
             worst = float(fraction.max())
-            place = Place(time=time, joint=motion.robot.joint_names[joint])
-    return JudgedCondition(0.0 - worst, RELATIVE, place, FOR_ALL_TIMES)
+            location = Location(time=time, joint=motion.robot.joint_names[joint])
+    return JudgedCondition(0.0 - worst, RELATIVE, location, FOR_ALL_TIMES)
 
 
 def judge_continuity(motion: JudgedMotion) -> JudgedCondition:
@@ -166,7 +166,7 @@ def judge_continuity(motion: JudgedMotion) -> JudgedCondition:
     All jumps of a joint add up: otherwise many small jumps could skip any part of its path. The
     worst sum is reported, each measured by its own tolerance, at its largest jump.
     """
-    sums = [JudgedCondition(0.0, RELATIVE, Place(), FOR_ALL_TIMES)]
+    sums = [JudgedCondition(0.0, RELATIVE, Location(), FOR_ALL_TIMES)]
     for order in range(3):
         values = motion.piece_ends(order)
         jumps = abs(values[0, 1:] - values[1, :-1])
@@ -179,8 +179,8 @@ def judge_continuity(motion: JudgedMotion) -> JudgedCondition:
         joint = motion.robot.joint_names[worst]
         time = float(motion.trajectory.breakpoints[jumps[:, worst].argmax() + 1])
         unit = motion.position_unit(joint) if order == 0 else RELATIVE
-        place = Place(time=time, joint=joint)
-        sums.append(JudgedCondition(0.0 - float(total[worst]), unit, place, FOR_ALL_TIMES))
+        location = Location(time=time, joint=joint)
+        sums.append(JudgedCondition(0.0 - float(total[worst]), unit, location, FOR_ALL_TIMES))
 
     def in_tolerances(condition: JudgedCondition) -> float:
         return (condition.margin or 0.0) / max(motion.tolerance.of(condition.unit), 1e-300)
@@ -303,7 +303,7 @@ def velocity_by_position_left(motion: JudgedMotion) -> JudgedCondition:
     approaches = _approaches(motion.robot, trajectory)
     lower_bound, attained, time, which = _least_left(approaches, trajectory)
     joint = motion.robot.joint_names[approaches.joint[which]]
-    return bracketed(lower_bound, attained, RELATIVE, Place(time=time, joint=joint))
+    return bracketed(lower_bound, attained, RELATIVE, Location(time=time, joint=joint))
 
 
 def _approaches(robot: RobotModel, trajectory: JointTrajectory) -> _Approaches:

@@ -20,7 +20,7 @@ from tubeplanner.certificate.tube_visits import Visit, telling_visits, tube_visi
 from tubeplanner.checks import NUMBER
 from tubeplanner.errors import OptionError, shown
 from tubeplanner.geometry.tube.tube import Tube
-from tubeplanner.outcome import MARGIN_TOLERANCE, Place
+from tubeplanner.outcome import MARGIN_TOLERANCE, Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -77,7 +77,7 @@ class JudgedCondition:
 
     margin: float | None
     unit: str
-    where: Place
+    where: Location
     coverage: str
 
     def holds(self, tolerance: Tolerance) -> bool:
@@ -97,10 +97,10 @@ class JudgedCondition:
 
 def not_required(unit: str, reason: str) -> JudgedCondition:
     """Return a condition that does not apply."""
-    return JudgedCondition(None, unit, Place(), reason)
+    return JudgedCondition(None, unit, Location(), reason)
 
 
-def bracketed(margin: float, attained: float, unit: str, where: Place) -> JudgedCondition:
+def bracketed(margin: float, attained: float, unit: str, where: Location) -> JudgedCondition:
     """Return a condition that holds for all t, undecided if its bounds are far apart.
 
     Args:
@@ -232,6 +232,6 @@ class JudgedMotion:
         tool = self.robot.tool_position(self.trajectory.position(time)[None])[0]
         return self.tube.segment_number(segment, tool)
 
-    def place_in_segment(self, segment: int, time: float) -> Place:
+    def location_in_segment(self, segment: int, time: float) -> Location:
         """Return the location at a time [s], with the segment's number in messages."""
-        return Place(time=time, segment=self.segment_number(segment, time))
+        return Location(time=time, segment=self.segment_number(segment, time))

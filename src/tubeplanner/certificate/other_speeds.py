@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel, effort_rate, gravity_effort_rate
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.parts import monotone_intervals
@@ -27,7 +27,7 @@ class SlowerRun:
     condition: str
     margin: float
     speed: float
-    where: Place
+    where: Location
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Braking:
 
     time: float
     distance: float
-    where: Place
+    where: Location
 
 
 class OtherSpeeds:
@@ -273,7 +273,7 @@ def _tightest(robot: RobotModel, steps: PathSteps) -> SlowerRun | None:
     used, speed = highest_up_to_one(np.concatenate([smooth, rates], axis=2))
     end, row = np.unravel_index(int(used.argmax()), used.shape)
     time = (steps.start + np.array([[0.0], [1.0]]) * steps.width).ravel()[end]
-    where = Place(time=float(time), joint=robot.joint_names[joint[row]])
+    where = Location(time=float(time), joint=robot.joint_names[joint[row]])
     return SlowerRun(names[row], 1 - float(used[end, row]), float(speed[end, row]), where)
 
 
@@ -365,7 +365,7 @@ def worst_braking(
     begins = steps.start[starts]
     worst = int(distance.argmax())
     tool = robot.tool_position(trajectory.position(begins[worst : worst + 1]))[0]
-    where = Place(time=float(begins[worst])).at(tool)
+    where = Location(time=float(begins[worst])).at(tool)
     return Braking(float(time.max()), float(distance[worst]), where)
 
 

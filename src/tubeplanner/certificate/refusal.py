@@ -6,7 +6,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.judged_motion import Tolerance
 from tubeplanner.certificate.verification import Certificate
 from tubeplanner.geometry.solids import open_mesh_texts
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances
 
@@ -23,13 +23,13 @@ def refusal(problem: PlanningProblem, certificate: Certificate) -> Infeasible | 
     blocked = [name for name in failures if name in ("obstacles", "self_collision")]
     if blocked:
         condition = certificate.conditions[blocked[0]]
-        place, margin = condition.where, condition.margin or 0.0
-        when = f"at t = {place.time or 0.0:.3f} s of a motion that was tried"
-        return _blocked(problem, place, margin, when)
+        location, margin = condition.where, condition.margin or 0.0
+        when = f"at t = {location.time or 0.0:.3f} s of a motion that was tried"
+        return _blocked(problem, location, margin, when)
     lines = "; ".join(certificate.describe(name) for name in failures)
-    place = certificate.conditions[failures[0]].where
+    location = certificate.conditions[failures[0]].where
     message = f"the trajectory fails its certificate: {lines}"
-    return Infeasible(PlanStatus.CERTIFICATE_FAILED, message, place)
+    return Infeasible(PlanStatus.CERTIFICATE_FAILED, message, location)
 
 
 def require_free(
@@ -76,8 +76,8 @@ def require_free(
             f", or list [{links[0]}, {obstacle}] in contacts if they may be that near there, in "
             "collision.ignore if they may touch"
         )
-    place = Place(links=links, obstacle=obstacle).at(problem.robot.tool_position(q[None])[0])
-    refused = _blocked(problem, place, margin, when, remedy)
+    location = Location(links=links, obstacle=obstacle).at(problem.robot.tool_position(q[None])[0])
+    refused = _blocked(problem, location, margin, when, remedy)
     # A certificate lets a given end be off by a tolerance, and solids by as much times a lever.
     proved = is_given and margin < -_PROVED * Tolerance().absolute
     raise refused.replaced(proved=proved, starts=0 if is_given else 1, configuration=q)
@@ -105,26 +105,26 @@ def _away(problem: PlanningProblem, q: FloatArray, pair: int, missing: float) ->
 
 
 def _blocked(
-    problem: PlanningProblem, place: Place, margin: float, when: str, remedy: str = _REMEDY
+    problem: PlanningProblem, location: Location, margin: float, when: str, remedy: str = _REMEDY
 ) -> Infeasible:
     """Return the refusal with links, obstacle, and depth or distance."""
-    links, clearance = place.links or (), problem.clearance
+    links, clearance = location.links or (), problem.clearance
     meshes = problem.collision.open_meshes
-    own = {name: meshes[name] for name in (*links, place.obstacle) if name in meshes}
+    own = {name: meshes[name] for name in (*links, location.obstacle) if name in meshes}
     open_mesh = "".join(f"; {text}" for text in open_mesh_texts(own))
     if not problem.has_one_clearance:
-        pair = (*links, place.obstacle) if place.obstacle else links
+        pair = (*links, location.obstacle) if location.obstacle else links
         message = (
             f"'{pair[0]}' and '{pair[1]}' are {-1000 * margin:.3g} mm nearer to each other than "
             f"they may be {when}; {remedy}, or give the pair less clearance"
         )
-        return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, place)
-    if place.obstacle is None:
+        return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, location)
+    if location.obstacle is None:
         message = (
             f"{' and '.join(links)} overlap by {-1000 * margin:.1f} mm {when}; {remedy}, "
             "or list the pair in collision.ignore if it may touch"
         )
-        return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, place)
+        return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, location)
     distance = 1000 * (margin + clearance)
     if clearance and distance > _TOUCHING:
         digits = 2 - int(np.floor(np.log10(distance)))
@@ -133,5 +133,5 @@ def _blocked(
     deed = "touches" if abs(distance) < _TOUCHING else f"reaches {-distance:.1f} mm into"
     deed = f"comes within {distance:.1f} mm of" if distance >= _TOUCHING else deed
     condition = f" (clearance {1000 * clearance:g} mm)" if clearance else ""
-    message = f"'{links[0]}' {deed} '{place.obstacle}'{condition} {when}; {remedy}"
-    return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, place)
+    message = f"'{links[0]}' {deed} '{location.obstacle}'{condition} {when}; {remedy}"
+    return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, location)

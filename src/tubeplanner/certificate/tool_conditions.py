@@ -35,7 +35,7 @@ from tubeplanner.orientation import (
     turning_gain,
     turning_gain_rate,
 )
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.overrides import PointSpeed
 from tubeplanner.task.problem import PlanningProblem
@@ -46,8 +46,8 @@ from tubeplanner.trajectory.polynomials import halves
 def judge_tube(motion: JudgedMotion) -> JudgedCondition:
     """Judge the tool's position in the tube, segment by segment or in their union."""
     least = least_margin(motion.tube, motion.tool, motion.visits)
-    place = motion.place_in_segment(least.segment, least.time)
-    return bracketed(least.lower_bound, least.attained, "m", place)
+    location = motion.location_in_segment(least.segment, least.time)
+    return bracketed(least.lower_bound, least.attained, "m", location)
 
 
 def judge_points(motion: JudgedMotion) -> JudgedCondition:
@@ -57,8 +57,8 @@ def judge_points(motion: JudgedMotion) -> JudgedCondition:
     if not passed:
         return not_required("m", "no point is to be passed")
     worst = min(passed, key=lambda passage: passage.margin)
-    place = Place(time=worst.time, point=int(motion.tube.numbers[worst.point]))
-    return JudgedCondition(worst.margin, "m", place, "at the instant that is nearest")
+    location = Location(time=worst.time, point=int(motion.tube.numbers[worst.point]))
+    return JudgedCondition(worst.margin, "m", location, "at the instant that is nearest")
 
 
 def judge_rotation(motion: JudgedMotion) -> JudgedCondition:
@@ -76,8 +76,8 @@ def _judge_along(motion: JudgedMotion) -> JudgedCondition:
     least = least_rotation_margin(motion.tube.rotation, motion.pose, motion.visits)
     if least is None:
         return not_required("rad", "free in every segment visited")
-    place = motion.place_in_segment(least.segment, least.time)
-    return bracketed(least.lower_bound, least.attained, "rad", place)
+    location = motion.location_in_segment(least.segment, least.time)
+    return bracketed(least.lower_bound, least.attained, "rad", location)
 
 
 def _judge_at_goal(motion: JudgedMotion) -> JudgedCondition:
@@ -87,7 +87,7 @@ def _judge_at_goal(motion: JudgedMotion) -> JudgedCondition:
         return not_required("rad", "the goal bounds no rotation")
     rotation, tool = motion.tube.tool_pose(motion.robot, motion.trajectory.position(duration)[None])
     margin = motion.problem.rotation.margin(rotation, tool, motion.tube.segment_count)[0]
-    return JudgedCondition(float(margin), "rad", Place(time=duration), "at the goal")
+    return JudgedCondition(float(margin), "rad", Location(time=duration), "at the goal")
 
 
 # ---- The margin inside the rotation tolerances, for all t.
@@ -278,8 +278,8 @@ def judge_tool_speed(motion: JudgedMotion) -> JudgedCondition:
         return 1 - np.linalg.norm(vector, axis=2) / limit[segment]
 
     least = least_concave_margin(velocity, motion.visits, margin, 1 / limit)
-    place = motion.place_in_segment(least.segment, least.time)
-    return bracketed(least.lower_bound, least.attained, RELATIVE, place)
+    location = motion.location_in_segment(least.segment, least.time)
+    return bracketed(least.lower_bound, least.attained, RELATIVE, location)
 
 
 class ToolSpeedMargin:
@@ -354,8 +354,8 @@ def _judged(motion: JudgedMotion, k: int, point: PointSpeed) -> JudgedCondition:
         return 1 - np.linalg.norm(vector, axis=2) / limit
 
     least = least_concave_margin(velocity, whole, margin, np.array([1 / limit]))
-    place = Place(time=least.time, links=(point.link,), point_speed=k)
-    return bracketed(least.lower_bound, least.attained, RELATIVE, place)
+    location = Location(time=least.time, links=(point.link,), point_speed=k)
+    return bracketed(least.lower_bound, least.attained, RELATIVE, location)
 
 
 def _point_velocity(robot: RobotModel, point: PointSpeed) -> Quantity:
@@ -365,9 +365,9 @@ def _point_velocity(robot: RobotModel, point: PointSpeed) -> Quantity:
 
     def values(q: FloatArray, v: FloatArray) -> FloatArray:
         rotation, position = robot.body_poses(q)
-        place = rotation[:, body] @ in_body[:3] + position[:, body]
+        location = rotation[:, body] @ in_body[:3] + position[:, body]
         carriers = np.full(len(q), body)
-        jacobian = robot.point_jacobian(rotation, position, carriers, place)
+        jacobian = robot.point_jacobian(rotation, position, carriers, location)
         return np.einsum("nij,nj->ni", jacobian, v)
 
     def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:

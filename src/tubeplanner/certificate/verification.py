@@ -174,8 +174,10 @@ class Certificate:
         if condition.margin is None:
             return f"{name}: not required ({condition.coverage})"
         unit = "" if condition.unit == RELATIVE else f" {condition.unit}"
-        place = str(condition.where)
-        return f"{name}: margin {condition.margin:.3g}{unit}" + (f" ({place})" if place else "")
+        location = str(condition.where)
+        return f"{name}: margin {condition.margin:.3g}{unit}" + (
+            f" ({location})" if location else ""
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Return the certificate as JSON values."""

@@ -20,7 +20,7 @@ from tubeplanner.cli.report import (
 from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.limits.peaks import peaks_as_dict, trajectory_peaks
 from tubeplanner.native.library import LIBRARY
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.output.controllers.franka import FRANKA_ARMS, franka_limits, judged_by_franka
 from tubeplanner.output.controllers.ros2_control import judged_by_jtc
 from tubeplanner.output.controllers.verdict import ControllerVerdict
@@ -144,16 +144,16 @@ def _report(
     }
 
 
-def _where(certificate: Certificate, verdict: ControllerVerdict | None) -> Place:
+def _where(certificate: Certificate, verdict: ControllerVerdict | None) -> Location:
     """Return the place of the first failed condition, else of the controller's gravest error."""
     failures = certificate.failures()
     if failures:
         return certificate.conditions[failures[0]].where
     if verdict is None or verdict.gravest is None:
-        return Place()
+        return Location()
     gravest = verdict.gravest
     time = gravest.time if gravest.first_time is None else gravest.first_time
-    return Place(time=time, joint=gravest.joint)
+    return Location(time=time, joint=gravest.joint)
 
 
 def judged_by(name: str, problem: PlanningProblem, file: TrajectoryFile) -> ControllerVerdict:
@@ -209,7 +209,7 @@ class CheckedCycle:
         """Return the JSON object, loading_time still absent."""
         motion, failures = self.motion, self.certificate.failures()
         status = "certificate_failed" if failures else "success"
-        where = self.certificate.place(failures[0]) if failures else Place()
+        where = self.certificate.location(failures[0]) if failures else Location()
         return {
             **console.empty_report(status, f"the trajectory {self.message}", where.as_dict()),
             "duration": motion.trajectory.duration,

@@ -18,7 +18,7 @@ import click
 from tubeplanner import __version__
 from tubeplanner.cli.interrupts import hold_interrupts, interrupts_remembered, raise_unheld
 from tubeplanner.errors import OptionError, OutputError, TubePlannerError, on_one_line
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.writing import write_files
 
 if TYPE_CHECKING:
@@ -270,7 +270,7 @@ def empty_report(status: str, message: str, where: dict[str, Any] | None = None)
     return {
         "status": status,
         "message": message,
-        "where": Place().as_dict() if where is None else where,
+        "where": Location().as_dict() if where is None else where,
         "proved": None,
         "starts_tried": None,
         **dict.fromkeys(numbers),

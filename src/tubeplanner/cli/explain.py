@@ -94,7 +94,7 @@ def explanation_text(found: Explanation, search_time: float) -> str:
         found: The explanation.
         search_time: Wall time of the search [s].
     """
-    place = str(found.place)
+    location = str(found.location)
     end = {
         None: "all changes were tried",
         "time_limit": "the time limit passed: with a larger --time-limit there may be more",
@@ -102,7 +102,7 @@ def explanation_text(found: Explanation, search_time: float) -> str:
     }[found.stopped_by]
     lines = [
         f"{found.name}: {found.status}: {found.message}",
-        *([f"where: {place}"] if place else []),
+        *([f"where: {location}"] if location else []),
         *(_headroom_lines(found) if found.is_possible else _remedy_lines(found)),
         f"{found.tried} plans with a change in {search_time:.1f} s; {end}",
     ]

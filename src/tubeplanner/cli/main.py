@@ -54,7 +54,7 @@ def main(arguments: Sequence[str]) -> int:
         error.show()
         return console.BAD_INPUT
     except ContradictionError as error:
-        fields = {"where": error.place.as_dict(), "proved": error.proved}
+        fields = {"where": error.location.as_dict(), "proved": error.proved}
         return console.fail("bad_input", str(error), as_json, console.BAD_INPUT, **fields)
     except TubePlannerError as error:
         return console.fail("bad_input", f"{error}{files.saved}", as_json, console.BAD_INPUT)

@@ -121,8 +121,8 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
                 f"(the {segment.collisions} found before lie outside)"
             )
     lines.append(f"{result.status}: {result.message}")
-    place = str(result.place)
-    return "\n".join([*lines, f"where: {place}"] if place else lines)
+    location = str(result.location)
+    return "\n".join([*lines, f"where: {location}"] if location else lines)
 
 
 def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
@@ -130,8 +130,8 @@ def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
     causes: dict[str | None, list[str]] = {}
     for binding in segment.bindings:
         side = "" if binding.bound == "radius" else f"{binding.bound}: "
-        place = replace(binding.place, joint=None, segment=None)
-        causes.setdefault(binding.place.joint, []).append(f"{side}{place}")
+        location = replace(binding.location, joint=None, segment=None)
+        causes.setdefault(binding.location.joint, []).append(f"{side}{location}")
     rows = [("radius", f"{1000 * segment.radius:.1f} mm", "; ".join(causes.get(None, [])))]
     for name, (lower, upper) in segment.joint_ranges.items():
         rows.append((name, f"[{lower:.3f}, {upper:.3f}]", "; ".join(causes.get(name, []))))

@@ -76,9 +76,9 @@ def plan_text(
     if with_minimum:
         lines += _minimum_lines(problem, result)
     lines += after
-    place = str(result.place)
-    if place:
-        lines.append(f"where: {place}")
+    location = str(result.location)
+    if location:
+        lines.append(f"where: {location}")
     if result.proved is not None and result.survival is None:
         lines.append("`tubeplanner explain` looks for the smallest changes that make it possible")
     if result.stopped_by is not None:
@@ -103,8 +103,8 @@ def _sorted_notes(
     lines: tuple[list[str], list[str], list[str]] = ([], [], [])
     beside = unlimited_notes(robot)
     for note in notes:
-        place = 0 if note in doubts else 1 if note in beside else 2
-        lines[place].append(f"note: {note}")
+        location = 0 if note in doubts else 1 if note in beside else 2
+        lines[location].append(f"note: {note}")
     return lines
 
 
@@ -253,8 +253,8 @@ def cycle_plan_text(cycle: Cycle, result: "CycleResult", loading_time: float) ->
         lines.append(_certificate_text(result.certificate))
     before, beside, after = _sorted_notes(result.notes, robot, cycle_doubts(cycle))
     lines += [*before, f"{result.status}: {result.message}", *beside, *_gain_lines(result), *after]
-    place = str(result.place)
-    lines += [f"where: {place}"] * bool(place)
+    location = str(result.location)
+    lines += [f"where: {location}"] * bool(location)
     if result.stopped_by is not None:
         lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
     return "\n".join([*lines, *_geometry_lines(cycle)])

@@ -273,7 +273,7 @@ def execution_lines(judged: Sequence[JudgedRun], errors: Robustness) -> list[str
             worst = f"{summary.worst.value:12.4g}{summary.median:12.4g}"
             bound = _bound(judged[summary.run], name)
             lines.append(
-                f"{_NAMES[name]:38}{worst}{bound:>12}  run {summary.run}, {summary.worst.place}"
+                f"{_NAMES[name]:38}{worst}{bound:>12}  run {summary.run}, {summary.worst.location}"
             )
     saturated = [100 * run.saturated for run in judged]
     fraction = f"{max(saturated):12.3g}{sorted(saturated)[len(saturated) // 2]:12.3g}"

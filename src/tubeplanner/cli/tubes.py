@@ -231,9 +231,9 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
     if answer.found is not None:
         tube = answer.found.problem.tube
         for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):
-            place = ", ".join(f"{x:.4f}" for x in point)
+            location = ", ".join(f"{x:.4f}" for x in point)
             width = "" if radius is None else f", then a radius of {1000 * radius:.1f} mm"
-            lines.append(f"point {k}: [{place}] m{width}")
+            lines.append(f"point {k}: [{location}] m{width}")
     if answer.measured is not None and answer.measured is not answer.found:
         radii = ", ".join(f"{1000 * radius:.1f}" for radius in answer.measured.problem.tube.radius)
         lines.append(
@@ -248,5 +248,5 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
             f"recorded {before:.3f} s -> planned {after:.3f} s, {abs(1 - after / before):.1%} "
             f"{'less' if after <= before else 'more'}"
         )
-    place = str(answer.place)
-    return "\n".join([*lines, f"where: {place}"] if place else lines)
+    location = str(answer.location)
+    return "\n".join([*lines, f"where: {location}"] if location else lines)

@@ -106,7 +106,7 @@ def judged_cycle(
 
 def _in_cycle(run: JudgedRun, leg: "ExecutedLeg") -> JudgedRun:
     extremes: dict[str, Any] = {
-        name: replace(extreme, place=leg.leg.in_cycle(extreme.place, leg.begin))
+        name: replace(extreme, location=leg.leg.in_cycle(extreme.location, leg.begin))
         for name, extreme in vars(run).items()
         if isinstance(extreme, Extreme)
     }

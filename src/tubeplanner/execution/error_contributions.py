@@ -127,8 +127,8 @@ def _with_points(
     shortfall = radius.copy()
     most = float(_expected_most([extreme.value for extreme in points]))
     worst = max(points, key=lambda extreme: extreme.value)
-    assert worst.place.point is not None
-    k = int(np.searchsorted(problem.tube.numbers, worst.place.point))
+    assert worst.location.point is not None
+    k = int(np.searchsorted(problem.tube.numbers, worst.location.point))
     shortfall[k - 1 : k + 1] = np.maximum(shortfall[k - 1 : k + 1], most)
     return shortfall
 

@@ -9,7 +9,7 @@ from tubeplanner.certificate.tube_visits import ordered_switching_samples
 from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.tube.points import passing_radius
 from tubeplanner.limits.binding_limits import required_of_pairs
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -24,11 +24,11 @@ class Extreme:
 
     Attributes:
         value: In the unit of the quantity.
-        place: Its time and location.
+        location: Its time and location.
     """
 
     value: float
-    place: Place
+    location: Location
 
 
 @dataclass(frozen=True)
@@ -194,8 +194,8 @@ def _current_segments(
 def _worst(margins: _Margins, margin: FloatArray) -> Extreme:
     sample, column = np.unravel_index(int(margin.argmin()), margin.shape)
     number = margins.problem.tube.segment_number(int(column))
-    place = Place(time=float(margins.time[sample]), segment=number)
-    return Extreme(-float(margin[sample, column]), place)
+    location = Location(time=float(margins.time[sample]), segment=number)
+    return Extreme(-float(margin[sample, column]), location)
 
 
 def _worst_passage(margins: _Margins) -> Extreme | None:
@@ -206,8 +206,8 @@ def _worst_passage(margins: _Margins) -> Extreme | None:
         if tube.visit != "ordered":
             counts = np.ones_like(counts)
         best = int(np.where(counts, margin, -np.inf).argmax())
-        place = Place(time=float(margins.time[best]), point=int(tube.numbers[k]))
-        result.append(Extreme(-float(margin[best]), place))
+        location = Location(time=float(margins.time[best]), point=int(tube.numbers[k]))
+        result.append(Extreme(-float(margin[best]), location))
     return max(result, key=lambda extreme: extreme.value, default=None)
 
 
@@ -340,8 +340,8 @@ def _least(
     if nearest.distance == np.inf:  # all pairs may be in contact all along
         return None
     links, obstacle = checker.owners(pairs[nearest.column])
-    place = Place(time=float(time[nearest.row]), links=links, obstacle=obstacle)
-    return Extreme(nearest.distance, place)
+    location = Location(time=float(time[nearest.row]), links=links, obstacle=obstacle)
+    return Extreme(nearest.distance, location)
 
 
 class _Nearest:

@@ -16,7 +16,7 @@ from tubeplanner.execution.excursions import (
 )
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.execution.tracking import LENGTH_PER_ANGLE
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.task.demands import Robustness
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
@@ -157,7 +157,7 @@ def _judged(
     units = np.where(problem.robot.revolute, 1.0, LENGTH_PER_ANGLE)
     off = abs(q - planned) / units
     worst = _largest(problem, time, off)
-    unit = float(units[problem.robot.joint_names.index(worst.place.joint)])
+    unit = float(units[problem.robot.joint_names.index(worst.location.joint)])
     farthest = int(distance.argmax())
     limits, speed = problem.robot.limits, abs(execution.velocity[run])
     beyond = np.array([limits.lower_position - q, q - limits.upper_position]).clip(min=-_FREE)
@@ -165,8 +165,8 @@ def _judged(
         tube=excursions.tube,
         rotation=excursions.rotation,
         points=excursions.points,
-        tracking=Extreme(unit * worst.value, worst.place),
-        tool_tracking=Extreme(float(distance[farthest]), Place(time=float(time[farthest]))),
+        tracking=Extreme(unit * worst.value, worst.location),
+        tool_tracking=Extreme(float(distance[farthest]), Location(time=float(time[farthest]))),
         position=_largest(problem, time, beyond.max(axis=0)),
         velocity=_largest(problem, time, speed / limits.velocity)
         if np.isfinite(limits.velocity).any()
@@ -206,8 +206,8 @@ def _stops(problem: PlanningProblem, errors: Robustness, unit: float) -> dict[st
 def _largest(problem: PlanningProblem, time: FloatArray, values: FloatArray) -> Extreme:
     """Return the largest of the joints' values (K, n), with its time and joint."""
     sample, joint = np.unravel_index(int(values.argmax()), values.shape)
-    place = Place(time=float(time[sample]), joint=problem.robot.joint_names[joint])
-    return Extreme(float(values[sample, joint]), place)
+    location = Location(time=float(time[sample]), joint=problem.robot.joint_names[joint])
+    return Extreme(float(values[sample, joint]), location)
 
 
 # ---- Worst and median of each quantity over the runs.

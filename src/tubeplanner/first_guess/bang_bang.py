@@ -22,7 +22,7 @@ from tubeplanner.limits.time_scaling import (
     scaled_to_limits,
     scaling_factor,
 )
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, averaged, concatenate
 
@@ -131,7 +131,7 @@ def bang_bang_parameterizations(
                 PlanStatus.NO_TRAJECTORY,
                 f"segment {path.segment}: TOPP-RA finds no speed at which the arm can run the "
                 "tool's curve from rest to rest; move the reference points",
-                Place(segment=path.segment),
+                Location(segment=path.segment),
             )
         timings.append(timing)
     return timings

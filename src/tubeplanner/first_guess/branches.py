@@ -38,7 +38,7 @@ from tubeplanner.first_guess.segment_walk import (
     wanted_at,
 )
 from tubeplanner.geometry.tube.points import arc_lengths
-from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanningClock, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanningClock, PlanStatus
 from tubeplanner.task.endpoints import Endpoint, GoalRegion, ToolPose
 from tubeplanner.task.problem import PlanningProblem
 
@@ -208,13 +208,15 @@ def end_configuration(problem: PlanningProblem, end: Endpoint, point: int) -> Fl
         if problem.tube.rotation.margin(rotation, tool, segment)[0] < 0:
             reason = _explain_rotated_end(problem, target, seed, segment, solution)
     if reason is not None:
-        place = Place(segment=problem.tube.segment_number(segment, target)).at(target)
+        location = Location(segment=problem.tube.segment_number(segment, target)).at(target)
         name = "start" if point == 0 else "goal"
         message = f"{name} from its seed: {reason}"
         if solution.error < problem.tube.effective_radius[segment]:  # in the tube's end
             joints = ", ".join(f"{value:.6g}" for value in solution.q)
             message += f", or give {name}: {{joints: [{joints}]}}"
-        raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=1, configuration=solution.q)
+        raise Infeasible(
+            PlanStatus.UNREACHABLE, message, location, starts=1, configuration=solution.q
+        )
     return solution.q
 
 
@@ -255,7 +257,9 @@ def _require_goal(problem: PlanningProblem, q: FloatArray, goal: FloatArray) -> 
         f"the branch that continues the start configuration ends with '{joint}' at {q[worst]:.4f} "
         f"rad, the goal has it at {goal[worst]:.4f} rad: the goal lies on another branch; leave "
         "the goal out, or change the start or the joint signs",
-        Place(joint=joint, segment=problem.tube.segment_number(segment, problem.tube.points[-1])),
+        Location(
+            joint=joint, segment=problem.tube.segment_number(segment, problem.tube.points[-1])
+        ),
         configuration=q,
     )
 
@@ -318,8 +322,8 @@ def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
         best = min(closest, key=lambda each: float(abs(each.q - near).max()))
     if goal is not None and best.error > max(goal.tolerance, _OPEN_GOAL_TOLERANCE):
         message = f"no goal: the tool was brought no nearer than {best.error:.4g} m"
-        place = Place(segment=problem.tube.segment_number(k - 1, point)).at(point)
-        raise Infeasible(PlanStatus.UNREACHABLE, message, place)
+        location = Location(segment=problem.tube.segment_number(k - 1, point)).at(point)
+        raise Infeasible(PlanStatus.UNREACHABLE, message, location)
     return best.q
 
 

@@ -9,7 +9,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.tool_paths import ToolPath, arc_lengths_on_line
 from tubeplanner.limits.time_scaling import minimum_duration, scaled_to_limits, scaling_factor
 from tubeplanner.limits.tube_membership import first_departure
-from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
@@ -113,7 +113,7 @@ def _run(robot: RobotModel, line: ToolPath, timing: JointTrajectory) -> JointTra
                     f"segment {line.segment}: at trapezoidal speed, a spline of {_MAX_NODES} "
                     f"pieces leaves the tool's place by {off:.3g} m: a singular configuration is "
                     "in the way; move the reference points",
-                    Place(segment=line.segment),
+                    Location(segment=line.segment),
                 )
             phase = _phase(robot, line, timing, np.linspace(begin, end, nodes + 1))
             between = (phase.breakpoints[:-1] + phase.breakpoints[1:]) / 2
@@ -221,7 +221,7 @@ def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
         f"segment {line.segment}: joint lines between {len(knots)} knots still leave the tool's "
         f"line by more than {tolerance:g} m: a singular configuration is in the way; move the "
         "reference points",
-        Place(segment=line.segment),
+        Location(segment=line.segment),
     )
 
 

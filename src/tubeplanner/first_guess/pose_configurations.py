@@ -8,7 +8,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.refusal import require_free
 from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_positions
 from tubeplanner.limits.joint_efforts import require_held
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.endpoints import ToolPose
 from tubeplanner.task.problem import PlanningProblem
@@ -100,8 +100,8 @@ def pose_configurations(problem: PlanningProblem, pose: ToolPose, point: int) ->
     if len(candidates) == 0:
         message = f"{end}: {_reason(problem, pose, segment)}"
         number = problem.tube.segment_number(segment, pose.position)
-        place = Place(segment=number).at(pose.position)
-        raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=len(seeds))
+        location = Location(segment=number).at(pose.position)
+        raise Infeasible(PlanStatus.UNREACHABLE, message, location, starts=len(seeds))
     middle, half = middle_of(lower, upper), half_ranges(lower, upper)
 
     def rank(q: FloatArray) -> tuple[bool, bool, float]:

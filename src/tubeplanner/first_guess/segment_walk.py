@@ -15,7 +15,7 @@ from tubeplanner.first_guess.inverse_kinematics import (
     solve_position,
 )
 from tubeplanner.geometry.tube.rotation import RotationalTube
-from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- The target orientation of the tool along one tube segment.
@@ -286,8 +286,10 @@ class SegmentWalk:
 
     def _give_up(self, fraction: float, q: FloatArray, solution: PositionSolution) -> None:
         point = self._point(fraction)
-        place = Place(segment=self._problem.tube.segment_number(self._segment, point)).at(point)
-        where = f"{100 * fraction:.1f} % along {place}"
+        location = Location(segment=self._problem.tube.segment_number(self._segment, point)).at(
+            point
+        )
+        where = f"{100 * fraction:.1f} % along {location}"
         jump = abs(solution.q - q)
         joint = self._problem.robot.joint_names[int(jump.argmax())]
         jumps = f"'{joint}' would have to jump by {jump.max():.3f} rad"
@@ -302,7 +304,7 @@ class SegmentWalk:
                 f"no continuous branch: {jumps}; move the reference points or free the joint signs"
             )
         message = f"{where}: {reason}"
-        raise Infeasible(PlanStatus.UNREACHABLE, message, place, configuration=q)
+        raise Infeasible(PlanStatus.UNREACHABLE, message, location, configuration=q)
 
     def _could_go_on(self, fraction: float, q: FloatArray) -> bool:
         """Return True if a configuration could go on with any orientation of the tool."""
@@ -319,13 +321,13 @@ class SegmentWalk:
             return
         joint = self._problem.robot.joint_names[worst]
         number = self._problem.tube.segment_number(self._segment, self._ends[1])
-        place = Place(joint=joint, segment=number).at(self._ends[1])
+        location = Location(joint=joint, segment=number).at(self._ends[1])
         raise Infeasible(
             PlanStatus.UNREACHABLE,
             f"at the end of segment {number} '{joint}' is at {q[worst]:.4f} rad, but the "
             f"joint signs on both sides of the switching time ask for [{self._end_lower[worst]:g}, "
             f"{self._end_upper[worst]:g}]; move the reference point or change the signs",
-            place,
+            location,
             configuration=q,
         )
 

@@ -13,7 +13,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.branches import ReferenceBranch
 from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.limits.time_scaling import estimated_durations, scaled_to_limits
-from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate, from_splines
 from tubeplanner.trajectory.polynomials import (
@@ -52,7 +52,7 @@ def stop_at_corners(
     moving = branch.moving_segments
     if not moving:
         message = "the start is the goal: there is nothing to move"
-        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
     trajectories = []
     for k in moving:
         checkpoint()
@@ -99,7 +99,7 @@ def _require_inside(
         PlanStatus.NO_TRAJECTORY,
         f"segment {number}: a spline of {_MAX_INTERVALS} pieces that follows the inverse "
         f"kinematics leaves the tube by {-margin[worst]:.3g} {unit}; widen {remedy}",
-        Place(segment=number),
+        Location(segment=number),
     )
 
 

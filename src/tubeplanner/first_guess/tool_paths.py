@@ -12,7 +12,7 @@ from tubeplanner.first_guess.branches import ReferenceBranch
 from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.first_guess.segment_walk import explain_error
 from tubeplanner.geometry.tube.points import arc_lengths
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -201,7 +201,7 @@ def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool)
             raise _stands_still(k)
     if not moves.any():
         message = "the start is the goal: there is nothing to move"
-        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
     radius = problem.tube.effective_radius[moves] if arcs else None
     curves = rounded_polyline(route[np.append(True, moves)], radius)
     return [follow(problem, branch, curve) for curve in curves]
@@ -313,7 +313,7 @@ class _Follower:
             PlanStatus.NO_TRAJECTORY,
             f"segment {k}: a spline through {len(table)} configurations leaves the tool's curve by "
             f"{off.max():.3g} m: a singular configuration is in the way; move the reference points",
-            Place(segment=k),
+            Location(segment=k),
         )
 
     def _along_branch(self) -> FloatArray:
@@ -362,8 +362,8 @@ class _Follower:
             solution = solve_position(problem.robot, point, seed, *bounds, rotation=target)
             if solution.error > CURVE_TOLERANCE:
                 reason = explain_error(problem, point, seed, int(k), solution)
-                place = Place(segment=self._number(int(k), point)).at(point)
-                raise Infeasible(PlanStatus.UNREACHABLE, f"{place}: {reason}", place)
+                location = Location(segment=self._number(int(k), point)).at(point)
+                raise Infeasible(PlanStatus.UNREACHABLE, f"{location}: {reason}", location)
             result[i, :-1] = solution.q
         return result
 
@@ -373,7 +373,7 @@ def _stands_still(segment: int) -> Infeasible:
         PlanStatus.NO_TRAJECTORY,
         f"segment {segment}: joints have to move where the tool stands still, which no scheme that "
         "is led by the tool can; leave the goal open, or give one that the line leads to",
-        Place(segment=segment),
+        Location(segment=segment),
     )
 
 

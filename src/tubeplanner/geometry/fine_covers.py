@@ -129,7 +129,7 @@ class MeshPiece:
 
     def cut(self) -> "tuple[MeshPiece, MeshPiece] | None":
         """Return both parts of the cut with the smallest hulls; None if there is none."""
-        cuts = list(self._places())
+        cuts = list(self._positions())
         if not cuts:
             return None
         best = min(
@@ -198,7 +198,7 @@ class MeshPiece:
         corners, inward = corners[is_corner], inward[is_corner]
         return corners[self.inside(corners + inward)]
 
-    def _places(self) -> Iterator[tuple[int, float, float]]:
+    def _positions(self) -> Iterator[tuple[int, float, float]]:
         """Yield possible cuts: axis, coordinate, and weight of the volume."""
         low, high = self._all_points.min(axis=0), self._all_points.max(axis=0)
         notches = self._notches()

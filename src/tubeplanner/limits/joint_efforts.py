@@ -8,7 +8,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.path_samples import LimitKey, PathSamples, directed_friction
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
-from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.model import effort_rate_derivatives
 from tubeplanner.robot.motors import JointMotors
@@ -51,7 +51,7 @@ def effort_refusal(
         f"joint '{name}' needs {needed:.2f} {unit} against {against}, its effort limit is "
         f"{limit:.2f}; {lighten}choose another configuration or a motor with "
         f"{needed - limit:.3g} {unit} more (robot.{key}.{name})",
-        Place(joint=name).at(at.tool_pose[1][sample]),
+        Location(joint=name).at(at.tool_pose[1][sample]),
         proved=proved,
         configuration=at.position[sample],
     )
@@ -180,9 +180,9 @@ class EffortLimit:
         joints = np.flatnonzero(np.isfinite(limits.effort))
         self._effort = SidedEffort(joints)
         self.joints = self._effort.joints
-        place = {int(joint): k for k, joint in enumerate(joints)}
+        row_of = {int(joint): k for k, joint in enumerate(joints)}
         self._ranges = [
-            (place[each.joint] + len(joints) * (sign < 0), sign, each)
+            (row_of[each.joint] + len(joints) * (sign < 0), sign, each)
             for each in limits.effort_ranges
             for sign in (1.0, -1.0)
         ]
@@ -315,7 +315,7 @@ class EffortRate:
 
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
-        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())
+        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Location())
 
 
 # ---- Holding efforts: at rest, gravity and friction count.

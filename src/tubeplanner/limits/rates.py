@@ -7,7 +7,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.path_samples import LimitKey, PathSamples
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
-from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.overrides import PointSpeed
@@ -50,7 +50,7 @@ class JointRate:
 
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
-        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())
+        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Location())
 
 
 # ---- Velocity limits that fall towards the ends of the joints' ranges, in each direction.
@@ -147,7 +147,7 @@ class VelocityByPositionLimit:
             f"joint '{name}' moves {sign} at {q[joint]:.4f}, where limits.{self.kind} allows it no "
             f"velocity that way: from {self.edge()[column]:.4f} on; keep start, goal and tube away "
             "from the end of its range",
-            Place(joint=name).at(robot.tool_position(q[None])[0]),
+            Location(joint=name).at(robot.tool_position(q[None])[0]),
         )
 
     def out_of_reach(self, start: FloatArray, goal: FloatArray) -> IntArray:
@@ -262,12 +262,12 @@ class ToolSpeed:
 
     def key_of(self, at: PathSamples) -> IntArray:
         """Return the index of the key of each sample's segment; any, where that is free."""
-        places = np.searchsorted(self._limited, at.segment)
-        return np.minimum(places, len(self._limited) - 1)[:, None]
+        columns = np.searchsorted(self._limited, at.segment)
+        return np.minimum(columns, len(self._limited) - 1)[:, None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
-        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())
+        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Location())
 
 
 class PointSpeedLimit:
@@ -306,4 +306,4 @@ class PointSpeedLimit:
 
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
-        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())
+        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Location())

@@ -131,7 +131,7 @@ def largest_speed(c: FloatArray) -> FloatArray:
         rising, low, high = c[:, crosses], low[crosses], high[crosses]
         roots = (np.clip(np.nan_to_num(root), low, high) for root in _closed_form(rising))
         inside = np.array([low, high, *roots])
-        misses = np.array([abs(_value(rising, place)) for place in inside])
+        misses = np.array([abs(_value(rising, position)) for position in inside])
         nearest = np.take_along_axis(inside, misses.argmin(axis=0)[None], axis=0)[0]
         result[crosses] = _polished(rising, nearest, low, high) * scale[crosses]
     result[c[0] > 0] = 0.0

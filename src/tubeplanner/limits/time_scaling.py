@@ -241,8 +241,8 @@ def _least_of_intervals(
 
     def negative(interval: IntArray, fraction: FloatArray) -> FloatArray:
         piece, begin = intervals.piece[interval], intervals.start[interval]
-        place = begin + fraction * (intervals.end[interval] - begin)
-        local = place * trajectory.widths[piece]
+        position = begin + fraction * (intervals.end[interval] - begin)
+        local = position * trajectory.widths[piece]
         state = tuple(trajectory.within(piece, local, order) for order in range(_JERK + 1))
         own = None if segments is None else segments[piece]
         friction = partial(directed_friction, motors, intervals.direction[interval])

@@ -28,7 +28,7 @@ class NativeLibrary:
     build: str
 
 
-_Place = ctypes.c_char * 0
+_Location = ctypes.c_char * 0
 
 
 class Doubles:
@@ -48,7 +48,7 @@ class Doubles:
         if array.dtype is not cls.dtype and array.dtype != cls.dtype:
             raise cls._refused(array)
         try:
-            return _Place.from_buffer(array)  # as `ctypes.data`, in a third of its time
+            return _Location.from_buffer(array)  # as `ctypes.data`, in a third of its time
         except ValueError as error:
             raise cls._refused(array) from error
         except TypeError as error:  # a read-only array

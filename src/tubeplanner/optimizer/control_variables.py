@@ -265,14 +265,14 @@ def shared_columns(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[I
     """
     numbers, count = _numbers(legs, is_tied)
     joints = legs[0].joints
-    places = []  # the configuration after each switching time; `count`: behind all others
+    positions = []  # the configuration after each switching time; `count`: behind all others
     for leg, own in zip(legs, numbers, strict=True):
-        place = np.full(leg.switches, count)
+        position = np.full(leg.switches, count)
         if leg.behind is not None and leg.configurations:
             following = np.append(own, own[-1] + 1)
-            place[leg.is_among] = following[leg.behind[leg.is_among]]
-        places.append(place)
-    before = np.concatenate(places)
+            position[leg.is_among] = following[leg.behind[leg.is_among]]
+        positions.append(position)
+    before = np.concatenate(positions)
     sequence = np.argsort(before, kind="stable")
     switching = before * joints
     switching[sequence] += np.arange(len(sequence))

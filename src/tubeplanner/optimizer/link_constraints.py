@@ -173,10 +173,10 @@ class DistancesAlong:
         full = self._required.by_segment[self._required.row_of[segment]]
         required = full.copy()
         for near in self._required.near_ends:
-            place = np.ix_(near.holds(segment, tool), near.pair)
-            fraction = _risen_fraction(near, tool[place[0][:, 0]])[0][:, None]
-            more = (full[place] - near.distance).clip(min=0)
-            required[place] = np.minimum(required[place], near.distance + more * fraction)
+            position = np.ix_(near.holds(segment, tool), near.pair)
+            fraction = _risen_fraction(near, tool[position[0][:, 0]])[0][:, None]
+            more = (full[position] - near.distance).clip(min=0)
+            required[position] = np.minimum(required[position], near.distance + more * fraction)
         return required
 
 

@@ -47,7 +47,7 @@ class IntervalMotion:
         # Of the watched samples, two per interval and the end.
         every = 2 * self._intervals
         self._which = np.append(np.arange(every), every + len(grid.fractions) - 1)
-        self._places = 2 * np.arange(self._intervals)[:, None] + np.arange(_SAMPLES)
+        self._positions = 2 * np.arange(self._intervals)[:, None] + np.arange(_SAMPLES)
         self._cached: dict[JointEffort, tuple[FloatArray, FloatArray]] = {}
 
     @cached_property
@@ -93,7 +93,7 @@ class IntervalMotion:
 
     def at_samples(self, watched: FloatArray) -> FloatArray:
         """Return values at the watched samples (N, ...), by interval, shape (M, 3, ...)."""
-        placed: FloatArray = watched[self._which][self._places]
+        placed: FloatArray = watched[self._which][self._positions]
         return placed
 
     def chained(self, by_path: Mapping[int, FloatArray]) -> tuple[FloatArray, FloatArray]:

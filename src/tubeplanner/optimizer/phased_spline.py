@@ -17,7 +17,7 @@ from tubeplanner.trajectory.polynomials import BSpline, basis_functions
 # returns None without the native library.
 
 Knots: TypeAlias = tuple[IntArray, FloatArray]
-Places: TypeAlias = tuple[IntArray, FloatArray, IntArray]
+SamplePosition: TypeAlias = tuple[IntArray, FloatArray, IntArray]
 
 _PLACES = (Doubles, c_int64, Integers, Doubles, c_int64, Integers, Doubles, Integers)
 _weights = native_function("cubic_weights", *_PLACES, Doubles)
@@ -27,7 +27,9 @@ _by_switching = native_function(
 _values = native_function("cubic_values", *3 * (c_int64,), Doubles, Integers, Doubles, Doubles)
 
 
-def cubic_weights(switching_times: FloatArray, knots: Knots, samples: Places) -> FloatArray | None:
+def cubic_weights(
+    switching_times: FloatArray, knots: Knots, samples: SamplePosition
+) -> FloatArray | None:
     """Return the weights of four control points in position and derivatives, shape (4, N, 4).
 
     Args:
@@ -44,7 +46,11 @@ def cubic_weights(switching_times: FloatArray, knots: Knots, samples: Places) ->
 
 
 def cubic_by_switching(
-    switching_times: FloatArray, knots: Knots, samples: Places, control: FloatArray, switches: int
+    switching_times: FloatArray,
+    knots: Knots,
+    samples: SamplePosition,
+    control: FloatArray,
+    switches: int,
 ) -> tuple[FloatArray, IntArray] | None:
     """Return the derivatives of positions and their derivatives by inner switching times.
 
@@ -64,8 +70,8 @@ def cubic_by_switching(
     count, joints, control = len(samples[0]), control.shape[1], np.ascontiguousarray(control)
     changes = np.zeros((switches, 4, count, joints))
     ranges = np.empty((count, 2), dtype=np.int64)
-    places = (switching_times, len(knots[0]) - 1, *knots, count, *samples)
-    _by_switching(*places, joints, control, switches, changes, ranges)
+    positions = (switching_times, len(knots[0]) - 1, *knots, count, *samples)
+    _by_switching(*positions, joints, control, switches, changes, ranges)
     return changes, ranges
 
 
@@ -121,11 +127,11 @@ class Samples:
         """Return the weights of four control points in position and derivatives, (4, N, 4)."""
         weights = None
         if not np.iscomplexobj(switching_times):
-            weights = cubic_weights(switching_times, grid.places, self.places)
+            weights = cubic_weights(switching_times, grid.positions, self.positions)
         return self._by_recursion(grid, switching_times) if weights is None else weights
 
     @cached_property
-    def places(self) -> Places:
+    def positions(self) -> SamplePosition:
         """Phases, shares and knot intervals, for functions of the native library."""
         return self.phase, self.fraction, self.interval
 
@@ -210,12 +216,12 @@ class KnotGrid:
 
     def breakpoints(self, switching_times: FloatArray) -> FloatArray:
         """Return all knots, without repeating those at the ends, for switching times (m+1,)."""
-        phase, fraction = (places[:-1] for places in self.places)
+        phase, fraction = (positions[:-1] for positions in self.positions)
         begin: FloatArray = switching_times[phase] + np.diff(switching_times)[phase] * fraction
         return np.append(begin, switching_times[-1])
 
     @cached_property
-    def places(self) -> Knots:
+    def positions(self) -> Knots:
         """Phases and shares of all knots, without repeating those at the ends, (M+1,) each."""
         counts = self.intervals_of_phases
         phase = np.repeat(np.arange(len(counts)), counts)
@@ -290,9 +296,9 @@ class VelocityHull:
         """Return the weights of four control points, (2, K-1, 4): zero for position."""
         knots, number = grid.knots(switching_times), np.arange(self.count - 1)
         weight = DEGREE / (knots[DEGREE + 1 : -1] - knots[1 : -DEGREE - 1])
-        place = number - self.first
+        index = number - self.first
         basis = np.zeros((2, self.count - 1, DEGREE + 1), dtype=weight.dtype)
-        basis[1, number, place], basis[1, number, place + 1] = -weight, weight
+        basis[1, number, index], basis[1, number, index + 1] = -weight, weight
         return basis
 
 

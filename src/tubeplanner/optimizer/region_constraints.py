@@ -274,14 +274,14 @@ def evaluated_points(
     """
     points, radius = tube.compulsory_points, regions.radius
     narrower = points - (radius[points - 1] < radius[points])
-    place, own = tube.points[points], np.arange(len(points))
+    index, own = tube.points[points], np.arange(len(points))
     # The ball's tolerance is the one that gives the region's extent along the segment.
     kind = regions.kind(regions.faces(narrower)[0], narrower)
     return EvaluatedRegions(
         at,
         path.tool_pose[1],
         lambda: path.tool_jacobian[:, :3],
-        Capsules(place, place, radius[narrower]),
+        Capsules(index, index, radius[narrower]),
         own,
         lambda _: own,
         np.zeros(len(points), dtype=bool),

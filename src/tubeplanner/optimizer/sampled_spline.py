@@ -77,8 +77,8 @@ def chained_rows(
     if _chained is None:
         return None
     result = _empty_rows(spline, len(sample))
-    places = (np.ascontiguousarray(sample), np.ascontiguousarray(entry))
-    _chained(*_arguments(spline, by_path), len(sample), *places, *result)
+    positions = (np.ascontiguousarray(sample), np.ascontiguousarray(entry))
+    _chained(*_arguments(spline, by_path), len(sample), *positions, *result)
     return result
 
 
@@ -209,7 +209,7 @@ class SampledSpline:
         spline, points = self.spline, self.evaluation_points
         grid, times, control = spline.grid, spline.switching_times, spline.control_points
         if isinstance(points, Samples):
-            arguments = (times, grid.places, points.places, control, grid.switch_count)
+            arguments = (times, grid.positions, points.positions, control, grid.switch_count)
             result = cubic_by_switching(*arguments)
             if result is not None:
                 return SplineChange(self.basis, *result)

@@ -24,7 +24,7 @@ from tubeplanner.optimizer.spline_constraints import (
 )
 from tubeplanner.optimizer.starts import subdivided
 from tubeplanner.optimizer.step_objective import MeasuredObjective
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 from tubeplanner.trajectory.parts import common_intervals
@@ -292,7 +292,7 @@ def _first_iterate(program: SequentialProgram, spline: PhasedSpline, stage: str)
     iterate = program.iterate(spline)
     if not np.isfinite(iterate.squared_duration):
         message = f"{stage} has no trajectory to start from"
-        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
     return iterate
 
 
@@ -331,12 +331,12 @@ class Sensitivity:
     point: int | None = None
 
     def __str__(self) -> str:
-        place = self.joint or ("the goal" if self.segment is None else f"segment {self.segment}")
+        location = self.joint or ("the goal" if self.segment is None else f"segment {self.segment}")
         if self.last_segment not in (None, self.segment):
-            place = f"segments {self.segment} to {self.last_segment}"
+            location = f"segments {self.segment} to {self.last_segment}"
         if self.point is not None:
-            place = f"point {self.point}, on {self.link}"
-        return f"{self.limit} of {place}: {1000 * self.saved:.2g} ms"
+            location = f"point {self.point}, on {self.link}"
+        return f"{self.limit} of {location}: {1000 * self.saved:.2g} ms"
 
 
 def limit_sensitivities(

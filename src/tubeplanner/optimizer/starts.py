@@ -14,7 +14,7 @@ from tubeplanner.optimizer.auxiliary_tubes import smoother_problem
 from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.optimizer.sampled_spline import sampled
 from tubeplanner.optimizer.segment_runs import OrderedSegments, tube_chains
-from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.polynomials import REST_POINTS, fitted_control_points, times_between
 
@@ -252,7 +252,7 @@ def _reached(
     result = solve_position(problem.robot, target, near, lower, upper, rotation=rotation)
     if result.error > MARGIN_TOLERANCE / 2:
         message = f"the last motion does not lead to reference point {problem.tube.numbers[point]}"
-        raise Infeasible(PlanStatus.UNREACHABLE, message, Place().at(target))
+        raise Infeasible(PlanStatus.UNREACHABLE, message, Location().at(target))
     return result.q
 
 
@@ -283,7 +283,7 @@ def on_periodic_knots(spline: PhasedSpline, periods: int) -> PhasedSpline:
     fractions = []
     for begin, end in pairwise(ends):
         inner = breakpoints[(breakpoints > begin) & (breakpoints < end)]
-        places = np.unique(np.concatenate([[begin], inner, [end]]))
-        fractions.append((places - begin) / (end - begin))
+        positions = np.unique(np.concatenate([[begin], inner, [end]]))
+        fractions.append((positions - begin) / (end - begin))
     grid = KnotGrid(tuple(fractions), spline.grid.runs, is_fixed=True)
     return on_knots(spline, grid, ends / periods)

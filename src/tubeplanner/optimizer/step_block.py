@@ -62,8 +62,8 @@ class SymmetricEntries:
 
 def merged_entries(row: IntArray, column: IntArray, size: int) -> tuple[IntArray, ...]:
     """Return rows and columns of the distinct places of entries, and each entry's place number."""
-    keys, place = np.unique(column.astype(np.int64) * size + row, return_inverse=True)
-    return keys % size, keys // size, place
+    keys, index = np.unique(column.astype(np.int64) * size + row, return_inverse=True)
+    return keys % size, keys // size, index
 
 
 # ---- Rows, bounds and cost of one leg in the program of one step.

@@ -44,7 +44,7 @@ class StepCost:
         nothing = np.zeros(len(smoothing[1]))
         still = np.concatenate([self._weight * smoothing[1], 0 * rates[1], 0 * alone + _PROXIMITY])
         damped = np.concatenate([nothing, self._intervals * rates[1], 0.0 * alone])
-        row, column, place = merged_entries(row, column, count)
+        row, column, index = merged_entries(row, column, count)
         rest = count * joints + np.arange(others)
         self._row, self._column = (
             np.append(np.add.outer(which * joints, np.arange(joints)), rest)
@@ -52,7 +52,7 @@ class StepCost:
         )
         self._still, self._damped = (
             np.append(
-                np.repeat(np.bincount(place, value, len(row)), joints), np.full(others, other)
+                np.repeat(np.bincount(index, value, len(row)), joints), np.full(others, other)
             )
             for value, other in ((still, _OTHERS), (damped, 0.0))
         )
@@ -75,8 +75,8 @@ class StepCost:
         control_points = spline.control_points
         bends = np.diff(control_points, len(_THIRD) - 1, axis=0)
         by_point = np.zeros_like(control_points)
-        for place, weight in enumerate(_THIRD):
-            by_point[place : place + len(bends)] += weight * bends
+        for index, weight in enumerate(_THIRD):
+            by_point[index : index + len(bends)] += weight * bends
         gradient = np.zeros(self._size - DURATION_AND_ELASTIC)
         by_variable = self._weight * self._variables.collected(by_point)
         gradient[: by_variable.size] = by_variable.ravel()
@@ -209,13 +209,13 @@ class IntervalBlocks:
         # The last intervals have fewer control points.
         column = np.append(variables.column, np.full(intervals + points, FIXED))
         which = column[np.arange(intervals)[:, None] + np.arange(points)]
-        place = which[:, :, None] * n + np.arange(n)
-        place[which == FIXED] = FIXED
-        self._place = place.reshape(intervals, -1)
+        index = which[:, :, None] * n + np.arange(n)
+        index[which == FIXED] = FIXED
+        self._index = index.reshape(intervals, -1)
         self._switching = free * n + np.arange(switches)
         self._size = free * n + switches + DURATION_AND_ELASTIC
         own = np.broadcast_to(self._switching, (intervals, switches))
-        both = np.concatenate([self._place, own], axis=1)
+        both = np.concatenate([self._index, own], axis=1)
         row, other = np.broadcast_arrays(both[:, :, None], both[:, None, :])
         self._is_free = (row != FIXED) & (other != FIXED)
         self._row, self._column, self._entry = merged_entries(
@@ -243,9 +243,9 @@ class IntervalBlocks:
             by_control: By the control points of every interval, shape (M, P n).
             by_switching: By the switching times, of all intervals, shape (S,).
         """
-        is_free = self._place != FIXED
+        is_free = self._index != FIXED
         size = self._size - DURATION_AND_ELASTIC
-        total = np.bincount(self._place[is_free], by_control[is_free], size).astype(float)
+        total = np.bincount(self._index[is_free], by_control[is_free], size).astype(float)
         total[self._switching] += by_switching
         return total
 

@@ -175,15 +175,15 @@ def _flattened(
     entries: SymmetricEntries, columns: IntArray, directions: FloatArray
 ) -> SymmetricEntries:
     """Return curvature that vanishes along directions (r, n) of some variables (n,)."""
-    place = np.full(entries.size, -1)
-    place[columns] = np.arange(len(columns))
-    row, column = place[entries.row], place[entries.column]
+    index = np.full(entries.size, -1)
+    index[columns] = np.arange(len(columns))
+    row, column = index[entries.row], index[entries.column]
     own = np.zeros((entries.size, len(columns)))
     np.add.at(own, (entries.row[column >= 0], column[column >= 0]), entries.value[column >= 0])
     own -= own @ directions.T @ directions
     own[columns] -= directions.T @ (directions @ own[columns])
     first, second = np.nonzero(own)
-    others = place[first] < 0  # coupling with other variables stands on both sides
+    others = index[first] < 0  # coupling with other variables stands on both sides
     rest = (row < 0) & (column < 0)
     return SymmetricEntries(
         np.concatenate([entries.row[rest], first, columns[second][others]]),

@@ -19,7 +19,7 @@ from tubeplanner.optimizer.tied_legs import TiedLegs
 from tubeplanner.outcome import (
     MARGIN_TOLERANCE,
     Infeasible,
-    Place,
+    Location,
     PlanningClock,
     PlanStatus,
     Progress,
@@ -188,7 +188,7 @@ def leg_problem(cycle: Cycle, k: int, junctions: list[FloatArray]) -> PlanningPr
     try:
         return cycle.problem(k, junctions, junctions[0] if closes else None)
     except ProblemError as error:
-        reason = Infeasible(PlanStatus.UNREACHABLE, str(error), Place())
+        reason = Infeasible(PlanStatus.UNREACHABLE, str(error), Location())
         raise BlockedLeg(k, refused_result(reason, "")) from None
 
 

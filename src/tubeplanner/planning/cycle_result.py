@@ -7,7 +7,7 @@ from typing import Any
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.cycle_verification import CycleCertificate
 from tubeplanner.native.library import LIBRARY
-from tubeplanner.outcome import Place, PlanStatus, StoppedBy
+from tubeplanner.outcome import Location, PlanStatus, StoppedBy
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion, move_rows
@@ -72,7 +72,7 @@ class CycleResult:
     Attributes:
         status: Success means that the certificate passed.
         message: One sentence: the answer, or the reason without an answer.
-        place: Place of that reason, with the move.
+        location: Place of that reason, with the move.
         method: As of a `PlanResult`.
         motion: The answer; None unless successful.
         certificate: Certificate of the answer, or of a failed attempt; None without an attempt.
@@ -91,7 +91,7 @@ class CycleResult:
 
     status: PlanStatus
     message: str
-    place: Place
+    location: Location
     method: str
     motion: CycleMotion | None = None
     certificate: CycleCertificate | None = None
@@ -132,7 +132,7 @@ class CycleResult:
         return {
             "status": str(self.status),
             "message": self.message,
-            "where": self.place.as_dict(),
+            "where": self.location.as_dict(),
             "proved": self.proved,
             "starts_tried": self.starts_tried,
             "duration": self.duration,
@@ -171,10 +171,10 @@ class CycleSensitivity:
     saved: float
 
     def __str__(self) -> str:
-        place = self.joint or f"move '{self.move}'"
+        location = self.joint or f"move '{self.move}'"
         if self.segment is not None:
-            place = f"segment {self.segment} of {place}"
-        return f"{self.limit} of {place}: {1000 * self.saved:.3g} ms"
+            location = f"segment {self.segment} of {location}"
+        return f"{self.limit} of {location}: {1000 * self.saved:.3g} ms"
 
 
 def cycle_sensitivities(cycle: Cycle, plans: Sequence[LegPlan]) -> tuple[CycleSensitivity, ...]:
@@ -183,13 +183,13 @@ def cycle_sensitivities(cycle: Cycle, plans: Sequence[LegPlan]) -> tuple[CycleSe
     for leg, plan in zip(cycle.legs, plans, strict=True):
         for each in plan.result.sensitivities:
             if each.joint is not None:  # a limit of all moves
-                place: tuple[str | None, int | None] = None, None
+                location: tuple[str | None, int | None] = None, None
             elif each.segment is None:
-                place = leg.name, None
+                location = leg.name, None
             else:
                 move, segment = leg.move_of(each.segment)
-                place = move.name, segment
-            key = (each.limit, each.joint, *place)
+                location = move.name, segment
+            key = (each.limit, each.joint, *location)
             saved[key] = saved.get(key, 0.0) + each.saved
     sums = [CycleSensitivity(*key, saved=value) for key, value in saved.items()]
     return tuple(sorted(sums, key=lambda each: -each.saved))

@@ -11,7 +11,7 @@ from tubeplanner.certificate.verification import judged_visits
 from tubeplanner.checks import given_options
 from tubeplanner.outcome import (
     Infeasible,
-    Place,
+    Location,
     PlanningClock,
     PlanStatus,
     ProgressCallback,
@@ -134,7 +134,7 @@ def _certified(
         PlanStatus.SUCCESS,
         f"certified cycle of {motion.trajectory.duration:.4f} s: {moves} move{'s' * (moves > 1)} "
         f"in {moving:.4f} s, {motion.trajectory.duration - moving:.4g} s at rest",
-        Place(),
+        Location(),
         options.method,
         motion,
         certificate,
@@ -198,7 +198,7 @@ def _blocked(
     return CycleResult(
         result.status,
         f"{where}: {result.message}",
-        leg.in_cycle(result.place, 0.0),
+        leg.in_cycle(result.location, 0.0),
         options.method,
         planning_time=clock.elapsed,
         stopped_by=result.stopped_by,

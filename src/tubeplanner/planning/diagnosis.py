@@ -27,7 +27,7 @@ from tubeplanner.limits.joint_efforts import require_held
 from tubeplanner.outcome import (
     MARGIN_TOLERANCE,
     Infeasible,
-    Place,
+    Location,
     PlanningClock,
     PlanStatus,
     TimeLimitReached,
@@ -53,7 +53,7 @@ class BlockingSample:
         segments: The one or two segments of the tube to which the sample belongs.
         tool: The tool's position, shape (3,) [m].
         allowed: Largest distance of the tool from that position [m].
-        place: The position, for messages.
+        location: The position, for messages.
         rotation_rows: The rows of the rotation tolerance that hold here.
         is_goal: True for the open goal.
     """
@@ -62,13 +62,13 @@ class BlockingSample:
     segments: tuple[int, ...]
     tool: FloatArray
     allowed: float
-    place: Place
+    location: Location
     rotation_rows: tuple[int, ...]
     is_goal: bool = False
 
 
 def path_samples(
-    problem: PlanningProblem, end: Place, is_wide: bool = False
+    problem: PlanningProblem, end: Location, is_wide: bool = False
 ) -> list[BlockingSample]:
     """Return the samples at which the arm must have a configuration.
 
@@ -91,17 +91,17 @@ def path_samples(
         if k < last:
             tool, number, both = tube.points[k + 1], int(tube.numbers[k + 1]), (k, k + 1)
             allowed = _RADIUS_FRACTION * float(tube.effective_radius[list(both)].min())
-            place = Place(segment=tube.segment_number(k, tool), point=number).at(tool)
+            location = Location(segment=tube.segment_number(k, tool), point=number).at(tool)
             samples.append(
-                BlockingSample(f"reference point {number}", both, tool, allowed, place, both)
+                BlockingSample(f"reference point {number}", both, tool, allowed, location, both)
             )
     goal = problem.open_goal
     if goal is not None:
         number = tube.segment_number(last, goal.position)
-        place = Place(segment=number, point=int(tube.numbers[-1])).at(goal.position)
+        location = Location(segment=number, point=int(tube.numbers[-1])).at(goal.position)
         rows = (last, tube.segment_count) if goal.bounds_rotation else (last,)
         sample = BlockingSample(
-            "goal", (last,), goal.position, goal.tolerance, place, rows, is_goal=True
+            "goal", (last,), goal.position, goal.tolerance, location, rows, is_goal=True
         )
         samples.append(sample)
     samples += [sample for k in segments for sample in _inside(problem, k, end)]
@@ -115,7 +115,7 @@ def path_samples(
     return samples
 
 
-def _inside(problem: PlanningProblem, segment: int, end: Place) -> list[BlockingSample]:
+def _inside(problem: PlanningProblem, segment: int, end: Location) -> list[BlockingSample]:
     """Return the middle of a segment, and a branch's end inside the segment."""
     tube = problem.tube
     begin = tube.points[segment]
@@ -124,10 +124,10 @@ def _inside(problem: PlanningProblem, segment: int, end: Place) -> list[Blocking
         tools.append(np.array(end.position))
     tools.sort(key=lambda tool: float(np.linalg.norm(tool - begin)))
     allowed = _RADIUS_FRACTION * float(tube.effective_radius[segment])
-    places = [Place(segment=tube.segment_number(segment, tool)).at(tool) for tool in tools]
+    locations = [Location(segment=tube.segment_number(segment, tool)).at(tool) for tool in tools]
     return [
-        BlockingSample("reference points", (segment,), tool, allowed, place, (segment,))
-        for tool, place in zip(tools, places, strict=True)
+        BlockingSample("reference points", (segment,), tool, allowed, location, (segment,))
+        for tool, location in zip(tools, locations, strict=True)
     ]
 
 
@@ -146,7 +146,7 @@ _Check: TypeAlias = Callable[["_Configurations"], Infeasible | None]
 def blocking_sample(
     problem: PlanningProblem,
     start: FloatArray,
-    end: Place,
+    end: Location,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> Infeasible | None:
     """Return the reason why the arm cannot follow the reference path, or None.
@@ -174,7 +174,7 @@ def certain_blocking_sample(
 
     It is quicker than that, and less doubtful.
     """
-    samples = path_samples(problem, Place(), is_wide=True)
+    samples = path_samples(problem, Location(), is_wide=True)
     return _first_reason(problem, start, samples, [*_POSITION_CHECKS, _not_free], checkpoint)
 
 
@@ -313,9 +313,9 @@ class _Configurations:
 
     def unreachable(self, reason: str, joint: str | None = None) -> Infeasible:
         """Return the refusal that the tool cannot be here, for a reason, perhaps of a joint."""
-        message = f"{self.sample.place}: {reason}"
-        place = replace(self.sample.place, joint=joint)
-        return Infeasible(PlanStatus.UNREACHABLE, message, place, starts=self.starts)
+        message = f"{self.sample.location}: {reason}"
+        location = replace(self.sample.location, joint=joint)
+        return Infeasible(PlanStatus.UNREACHABLE, message, location, starts=self.starts)
 
 
 def _out_of_reach(at: _Configurations) -> Infeasible | None:
@@ -344,7 +344,7 @@ def _not_held(at: _Configurations, *, oriented: bool = False) -> Infeasible | No
 
 
 def _not_free(at: _Configurations, *, oriented: bool = False) -> Infeasible | None:
-    name = at.sample.name if at.sample.is_goal else str(at.sample.place)
+    name = at.sample.name if at.sample.is_goal else str(at.sample.location)
 
     def require(q: FloatArray) -> None:
         require_free(at.problem, name, q, at.required(q))
@@ -392,9 +392,9 @@ def _without(
     try:
         require(first)
     except Infeasible as reason:
-        sample = at.sample.place
-        place = replace(reason.place, segment=sample.segment, point=sample.point)
-        return reason.replaced(starts=at.starts, place=place)
+        sample = at.sample.location
+        location = replace(reason.location, segment=sample.segment, point=sample.point)
+        return reason.replaced(starts=at.starts, location=location)
     return None
 
 
@@ -422,7 +422,7 @@ def refined_diagnosis(
     try:
         clock.enter("what is in the way")
         start = branches.require_ends()[0]
-        reason = blocking_sample(problem, start, result.place, clock.check)
+        reason = blocking_sample(problem, start, result.location, clock.check)
         if reason is None and not is_blocked and problem.rotation is not None:
             branches.position_only()
     except TimeLimitReached:
@@ -436,7 +436,7 @@ def refined_diagnosis(
         result,
         status=why.status,
         message=why.message,
-        place=why.place,
+        location=why.location,
         proved=why.proved,
         starts_tried=why.starts_tried,
         configuration=why.configuration,

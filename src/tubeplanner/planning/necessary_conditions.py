@@ -10,7 +10,7 @@ from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.joint_efforts import require_held
 from tubeplanner.limits.rates import require_approachable
-from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 
@@ -78,15 +78,15 @@ def require_within_bound(problem: PlanningProblem, *, start_is_known: bool = Tru
     k = int(missing.argmax())
     if missing[k] <= _ROUNDING:
         return
-    place = point_place(problem.tube, k, points[k])
+    location = point_location(problem.tube, k, points[k])
     x, y, z = (f"{value:.3f}" for value in bound.center)
     tolerance = f" and may stay {allowed[k]:.4g} m away" if allowed[k] else ""
     raise Infeasible(
         PlanStatus.UNREACHABLE,
-        f"{place}: out of the arm's reach: the tool comes no farther than {bound.radius:.4g} m "
+        f"{location}: out of the arm's reach: the tool comes no farther than {bound.radius:.4g} m "
         f"from [{x}, {y}, {z}] m, the sum of the links' lengths{tolerance}; move the "
         f"{point_name(k, len(points))} at least {missing[k]:.3g} m nearer",
-        place,
+        location,
         proved=True,
     )
 
@@ -112,10 +112,10 @@ def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
     return points, allowed
 
 
-def point_place(tube: Tube, k: int, point: FloatArray) -> Place:
+def point_location(tube: Tube, k: int, point: FloatArray) -> Location:
     """Return the place of reference point k, or of a point (3,) [m] in its stead."""
     number = tube.segment_number(max(k - 1, 0), point)
-    return Place(segment=number, point=int(tube.numbers[k])).at(point)
+    return Location(segment=number, point=int(tube.numbers[k])).at(point)
 
 
 def point_name(k: int, count: int) -> str:
@@ -185,14 +185,14 @@ def _require_reach(problem: PlanningProblem, start: FloatArray) -> None:
         nearest = min(nearest, solve_position(robot, point, seed, -free, free).error)
         if nearest <= allowed[k] + _MAX_SEARCH_ERROR:
             return
-    place = point_place(problem.tube, k, point)
+    location = point_location(problem.tube, k, point)
     may = f", and must come within {allowed[k]:.4g} m" if allowed[k] else ""
     name = point_name(k, len(points))
     message = (
-        f"{place}: the tool was brought no nearer than {nearest:.4g} m, the joints without limits"
-        f"{may}; move the {name} nearer"
+        f"{location}: the tool was brought no nearer than {nearest:.4g} m, the joints without "
+        f"limits{may}; move the {name} nearer"
     )
     goal = problem.open_goal
     if name == "goal" and goal is not None and nearest < problem.tube.effective_radius[-1]:
         message += f", or give goal: {{position: {point.tolist()}, tolerance: {1.1 * nearest:.2g}}}"
-    raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=len(seeds))
+    raise Infeasible(PlanStatus.UNREACHABLE, message, location, starts=len(seeds))

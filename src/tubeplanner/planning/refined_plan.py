@@ -21,7 +21,7 @@ from tubeplanner.optimizer.stages import Refinement, has_enough_knots, limit_sen
 from tubeplanner.optimizer.starts import RefinedMotion, sufficient_start
 from tubeplanner.outcome import (
     Infeasible,
-    Place,
+    Location,
     PlanningClock,
     PlanStatus,
     Progress,
@@ -500,7 +500,7 @@ class _FirstSteps:
         self._checkpoint(duration)
         if not self._has_answer and next(self._steps) > _MAX_STEPS:
             message = f"the last motion still changed after {_MAX_STEPS} steps"
-            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
 
     def until_answered(self, work: Callable[[], bool]) -> bool:
         """Do the work up to the first answer, whose steps are counted; return its result."""

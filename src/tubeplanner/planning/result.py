@@ -18,7 +18,7 @@ from tubeplanner.limits.speed_limits import unused_speed
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.optimizer.stages import Sensitivity
 from tubeplanner.optimizer.starts import RefinedMotion
-from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, StoppedBy
+from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, StoppedBy
 from tubeplanner.planning.notes import contact_notes, path_minimum
 from tubeplanner.planning.tightening import Survival
 from tubeplanner.robot.notes import robot_notes, unlimited_notes
@@ -44,7 +44,7 @@ class PlanResult:
     Attributes:
         status: Success means that the certificate passed.
         message: One sentence: the answer, or the reason without an answer.
-        place: Place of that reason.
+        location: Place of that reason.
         method: The method of the answer: one of `METHODS`.
         trajectory: The answer; None unless successful.
         certificate: Certificate of the answer, or of the best attempt; None without an attempt.
@@ -74,7 +74,7 @@ class PlanResult:
 
     status: PlanStatus
     message: str
-    place: Place
+    location: Location
     method: str
     trajectory: JointTrajectory | None = None
     certificate: Certificate | None = None
@@ -132,7 +132,7 @@ class PlanResult:
         return {
             "status": str(self.status),
             "message": self.message,
-            "where": self.place.as_dict(),
+            "where": self.location.as_dict(),
             "proved": self.proved,
             "starts_tried": self.starts_tried,
             "duration": self.duration,
@@ -158,7 +158,7 @@ def refused_result(reason: Infeasible, method: str) -> PlanResult:
     return PlanResult(
         reason.status,
         str(reason),
-        reason.place,
+        reason.location,
         method,
         proved=reason.proved,
         starts_tried=None if reason.proved else reason.starts,
@@ -172,7 +172,7 @@ def stopped_result(clock: PlanningClock, stopped_by: StoppedBy, method: str) -> 
         status, message = PlanStatus.INTERRUPTED, "interrupted before anything was certified"
     else:
         status, message = PlanStatus.TIME_LIMIT, clock.past_limit
-    return PlanResult(status, message, Place(), method, stopped_by=stopped_by)
+    return PlanResult(status, message, Location(), method, stopped_by=stopped_by)
 
 
 def certified_result(
@@ -194,16 +194,16 @@ def judged_result(
     """Return the result of a method's trajectory with its certificate, passed or not."""
     reason = refusal(problem, certificate)
     if reason is not None:
-        if reason.place.time is not None:
-            q = trajectory.position(reason.place.time)
-            place = reason.place.at(problem.robot.tool_position(q[None])[0])
-            reason = reason.replaced(configuration=q, place=place)
+        if reason.location.time is not None:
+            q = trajectory.position(reason.location.time)
+            location = reason.location.at(problem.robot.tool_position(q[None])[0])
+            reason = reason.replaced(configuration=q, location=location)
         refused = refused_result(reason, method)
         return replace(refused, certificate=certificate, certificate_time=certificate_time)
     return PlanResult(
         PlanStatus.SUCCESS,
         _success_message(problem, trajectory),
-        Place(),
+        Location(),
         method,
         trajectory,
         certificate,

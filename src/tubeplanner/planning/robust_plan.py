@@ -20,7 +20,7 @@ from tubeplanner.execution.plants import Draw
 from tubeplanner.execution.run_verdict import KEPT, RunVerdict, run_verdict, summaries
 from tubeplanner.geometry.tube.tube import narrowed_tube
 from tubeplanner.optimizer.stages import Sensitivity
-from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, until_stopped
+from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, until_stopped
 from tubeplanner.planning.result import PlanResult, certified_result, refused_result
 from tubeplanner.planning.surviving_plans import (
     WORKING,
@@ -109,7 +109,7 @@ class _Search:
         self._verdict_without: RunVerdict | None = None
         self._costs: dict[str, float] = {}
         self._contribution: ErrorContribution | None = None
-        self._failure = Place()
+        self._failure = Location()
 
     def run(self) -> None:
         """Do all the work.
@@ -162,7 +162,7 @@ class _Search:
         verdict = run_verdict(runs)
         worst = summaries(runs)[max(KEPT, key=lambda name: verdict.broken[name])]
         if plan is not self._default and worst is not None:
-            self._failure = worst.worst.place
+            self._failure = worst.worst.location
         return verdict
 
     def _split_costs(self, added: float) -> dict[str, float]:

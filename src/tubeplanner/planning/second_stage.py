@@ -12,7 +12,7 @@ from tubeplanner.optimizer.stages import Refinement, SecondStage
 from tubeplanner.optimizer.starts import on_periodic_knots
 from tubeplanner.outcome import (
     Infeasible,
-    Place,
+    Location,
     PlanningClock,
     PlanStatus,
     Progress,
@@ -305,7 +305,7 @@ def _in_duration(problem: PlanningProblem, answer: PlanResult, duration: float) 
             status=PlanStatus.NO_TRAJECTORY,
             message=f"objective.duration is {duration:g} s, but the shortest motion that was found "
             f"takes {answer.duration:.6g} s; give {least:.6g} s or more, or a slack instead",
-            place=Place(),
+            location=Location(),
             trajectory=None,
             shortest=answer.trajectory,
             notes=(),

@@ -19,7 +19,7 @@ from tubeplanner.first_guess.waypoints import candidate_waypoints, sequential_qu
 from tubeplanner.limits.time_scaling import scaled_to_limits
 from tubeplanner.outcome import (
     Infeasible,
-    Place,
+    Location,
     PlanningClock,
     PlanStatus,
     Progress,
@@ -199,7 +199,7 @@ def _better(
         )
     elif stopped_by == "time_limit" and not corners.succeeded:
         message = "the time limit passed before a trajectory was found"
-        result = PlanResult(PlanStatus.TIME_LIMIT, message, Place(), BRANCH_AND_BOUND)
+        result = PlanResult(PlanStatus.TIME_LIMIT, message, Location(), BRANCH_AND_BOUND)
     elif stopped_by is None and corners.succeeded:
         message = f"{result.message}; branch and bound found nothing faster"
         result = replace(result, message=message)
@@ -248,7 +248,7 @@ def _along(
     """
     if not branch.moving_segments:
         message = "the start is the goal: there is nothing to move"
-        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
     clock.enter("candidate points on the reference path")
     waypoints = candidate_waypoints(problem, branch, options.candidate_points, clock.check)
     search = BranchAndBound(
@@ -306,10 +306,10 @@ def _nothing_found(
     """Return the result that phase 1 ended without a trajectory."""
     if stopped_by == "time_limit":
         message = "the time limit passed before phase 1 found a trajectory"
-        return PlanResult(PlanStatus.TIME_LIMIT, message, Place(), SUH_BISHOP)
+        return PlanResult(PlanStatus.TIME_LIMIT, message, Location(), SUH_BISHOP)
     message = (
         f"phase 1 found no certified trajectory through {options.candidate_points} points of the "
         f"reference path ({search.statistics}); another number of candidate points, or a wider "
         "tube, may have one"
     )
-    return refused_result(Infeasible(PlanStatus.NO_TRAJECTORY, message, Place()), SUH_BISHOP)
+    return refused_result(Infeasible(PlanStatus.NO_TRAJECTORY, message, Location()), SUH_BISHOP)

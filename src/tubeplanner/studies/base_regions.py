@@ -14,7 +14,7 @@ from tubeplanner.errors import OptionError, ProblemError, shown
 from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.first_guess.pose_configurations import ends_segment, is_free, spread_seeds
 from tubeplanner.orientation import rpy_of_matrix
-from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.task.endpoints import Endpoint
 from tubeplanner.task.problem import PlanningProblem
@@ -186,7 +186,7 @@ def require_base_free(problem: PlanningProblem, stands_on: Collection[str] = ())
         message = f"{own} stands {-1000 * least:.1f} mm in '{obstacle}'"
     else:
         message = f"{own} stands {1000 * least:.1f} mm from '{obstacle}' {requirement}"
-    raise Infeasible(PlanStatus.TUBE_BLOCKED, message, Place(links=(link,), obstacle=obstacle))
+    raise Infeasible(PlanStatus.TUBE_BLOCKED, message, Location(links=(link,), obstacle=obstacle))
 
 
 def _base_pairs(problem: PlanningProblem, stands_on: Collection[str]) -> IntArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
-from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.outcome import Location, PlanStatus
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.task.problem import PlanningProblem
@@ -213,7 +213,7 @@ _EVERYWHERE = ("payload", "sign", "radii", "duration")
 
 
 def in_order(
-    changes: Iterable[Change], status: PlanStatus, place: Place
+    changes: Iterable[Change], status: PlanStatus, location: Location
 ) -> list[list[list[Change]]]:
     """Return changes in tiers: about the place, elsewhere, and of kinds that are unlikely to help.
 
@@ -222,9 +222,9 @@ def in_order(
     Args:
         changes: All changes.
         status: Status of the plan.
-        place: Location of the failure.
+        location: Location of the failure.
     """
-    about = _named(place)
+    about = _named(location)
     groups: tuple[list[Change], ...] = ([], [], [], [])
     first, second, elsewhere, unlikely = groups
     likelier, others = _HELPFUL.get(status, ((), ()))
@@ -242,16 +242,20 @@ def in_order(
     return [[first, second], [elsewhere], [unlikely]]
 
 
-def _named(place: Place) -> frozenset[str]:
+def _named(location: Location) -> frozenset[str]:
     """Return the names in a place, as in `Change.about`."""
     names = set()
-    if place.joint is not None:
-        names.add(place.joint)
-    if place.segment is not None:
-        names |= {f"segment {place.segment}"}
-    if place.point is not None:
-        names |= {f"point {place.point}", f"segment {place.point - 1}", f"segment {place.point}"}
-    names |= {f"link {name}" for name in place.links or ()}
-    if place.obstacle is not None:
-        names |= {f"obstacle {place.obstacle}"}
+    if location.joint is not None:
+        names.add(location.joint)
+    if location.segment is not None:
+        names |= {f"segment {location.segment}"}
+    if location.point is not None:
+        names |= {
+            f"point {location.point}",
+            f"segment {location.point - 1}",
+            f"segment {location.point}",
+        }
+    names |= {f"link {name}" for name in location.links or ()}
+    if location.obstacle is not None:
+        names |= {f"obstacle {location.obstacle}"}
     return frozenset(names)

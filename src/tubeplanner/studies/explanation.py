@@ -20,7 +20,7 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.outcome import (
     ContradictionError,
-    Place,
+    Location,
     PlanningClock,
     PlanStatus,
     ProgressCallback,
@@ -65,14 +65,14 @@ class InvalidProblem:
 
     Attributes:
         message: The reason, in one sentence.
-        place: Location of the reason.
+        location: Location of the reason.
         proved: True if it is proved that there is no motion; None: the input is bad.
         configuration: Configuration at the place, shape (n,) [rad or m]; None: there is none.
         drawn: A problem of the same arm, tube and solids; None if the tube cannot be drawn.
     """
 
     message: str
-    place: Place
+    location: Location
     proved: bool | None
     configuration: FloatArray | None
     drawn: PlanningProblem | None
@@ -89,8 +89,8 @@ class InvalidProblem:
         drawn = _drawn(question)
         message = str(error).removeprefix(f"{question.spec.name}: ")
         if isinstance(error, ContradictionError):
-            return cls(message, error.place, error.proved, error.configuration, drawn)
-        return cls(message, Place(), None, None, drawn)
+            return cls(message, error.location, error.proved, error.configuration, drawn)
+        return cls(message, Location(), None, None, drawn)
 
 
 def _drawn(question: Question) -> PlanningProblem | None:
@@ -172,10 +172,10 @@ class Explanation:
         return "" if outcome is None else outcome.message
 
     @property
-    def place(self) -> Place:
+    def location(self) -> Location:
         """Location of the failure; empty without one."""
         outcome = self.result or self.invalid
-        return Place() if outcome is None else outcome.place
+        return Location() if outcome is None else outcome.location
 
     @property
     def configuration(self) -> FloatArray | None:
@@ -197,7 +197,7 @@ class Explanation:
             **proved,
             "status": str(self.status),
             "message": self.message,
-            "where": self.place.as_dict(),
+            "where": self.location.as_dict(),
             "stopped_by": self.stopped_by,
             "remedies": [remedy.as_dict() for remedy in self.remedies],
             "in_vain": list(self.ineffective),
@@ -272,14 +272,14 @@ def explain(
 
 
 def _with_remedies(outcome: Explanation, question: Question, trials: Trials) -> Explanation:
-    place = outcome.place
-    if place.position is not None and place.segment is None:
-        place = replace(place, segment=question.segment_near(np.array(place.position)))
+    location = outcome.location
+    if location.position is not None and location.segment is None:
+        location = replace(location, segment=question.segment_near(np.array(location.position)))
     kinds = (tube_changes, limit_changes, cell_changes, end_changes)
     changes = map(
         partial(_estimated, outcome.result), chain.from_iterable(kind(question) for kind in kinds)
     )
-    search = RemedySearch(trials, in_order(changes, outcome.status, place))
+    search = RemedySearch(trials, in_order(changes, outcome.status, location))
     _, stopped_by = until_stopped(search.run)
     return replace(
         outcome,

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from tubeplanner.errors import TubePlannerError
-from tubeplanner.outcome import Infeasible, Place, PlanStatus, StoppedBy
+from tubeplanner.outcome import Infeasible, Location, PlanStatus, StoppedBy
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
@@ -43,7 +43,7 @@ class PlacementRow:
         stand: Base pose.
         status: "base_in_obstacle", or the status of the plan, as of `PlanResult`.
         message: One sentence: the answer, or the reason for its absence.
-        place: Location of the failure; empty without one.
+        location: Location of the failure; empty without one.
         duration: Duration of the shortest certified motion with quality "fast" [s]; None if there
             is none.
         seeds: Seeds of start and goal, where the given joints lead to no collision-free
@@ -53,7 +53,7 @@ class PlacementRow:
     stand: Stand
     status: str
     message: str
-    place: Place = field(default_factory=Place)
+    location: Location = field(default_factory=Location)
     duration: float | None = None
     seeds: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
@@ -68,7 +68,11 @@ class PlacementRow:
     def reason(self) -> str:
         """The reason for the failure without numbers, the same for many base poses."""
         words = str(self.status).replace("_", " ")
-        links, obstacle, joint = self.place.links or (), self.place.obstacle, self.place.joint
+        links, obstacle, joint = (
+            self.location.links or (),
+            self.location.obstacle,
+            self.location.joint,
+        )
         if links and obstacle is not None:
             between = "in" if self.status == BASE_IN_OBSTACLE else "and"
             return f"{words}: '{links[0]}' {between} '{obstacle}'"
@@ -76,7 +80,9 @@ class PlacementRow:
             return f"{words}: {' and '.join(map(repr, links))}"
         if joint is not None:
             return f"{words}: {joint}"
-        return words if self.place.segment is None else f"{words}: segment {self.place.segment}"
+        return (
+            words if self.location.segment is None else f"{words}: segment {self.location.segment}"
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Return the row as JSON values."""
@@ -85,7 +91,7 @@ class PlacementRow:
             "yaw": self.stand.yaw,
             "status": str(self.status),
             "message": self.message,
-            "where": self.place.as_dict(),
+            "where": self.location.as_dict(),
             "duration": self.duration,
             "seeds": {end: list(values) for end, values in self.seeds.items()},
         }
@@ -103,14 +109,14 @@ class PlacementRow:
             for key, value in fields["where"].items()
         }
         x, y, z = fields["position"]
-        names = {"position": "stand", "where": "place"}
+        names = {"position": "base_placement", "where": "location"}
         plain = {names.get(key, key): value for key, value in fields.items() if key != "yaw"}
-        require_fields(cls, {**plain, "stand": [x, y, z, fields["yaw"]]})
+        require_fields(cls, {**plain, "base_placement": [x, y, z, fields["yaw"]]})
         return cls(
             Stand(x, y, z, fields["yaw"]),
             fields["status"],
             fields["message"],
-            Place(**where),
+            Location(**where),
             fields["duration"],
             fields["seeds"],
         )
@@ -129,13 +135,13 @@ def tried(call: tuple[MovableProblem, Stand, Sequence[str], PlanOptions]) -> Pla
         try:
             require_base_free(problem, stands_on)
         except Infeasible as reason:
-            return PlacementRow(stand, BASE_IN_OBSTACLE, str(reason), reason.place)
+            return PlacementRow(stand, BASE_IN_OBSTACLE, str(reason), reason.location)
         seeds = leading_seeds(problem, tuple(movable.seeds))
         result = plan(movable.load(stand, seeds) if seeds else problem, options)
     except TubePlannerError as error:
         return PlacementRow(stand, str(PlanStatus.BAD_INPUT), str(error))
     status, duration = str(result.status), result.shortest_duration
-    return PlacementRow(stand, status, result.message, result.place, duration, seeds)
+    return PlacementRow(stand, status, result.message, result.location, duration, seeds)
 
 
 def grouped(
@@ -148,7 +154,7 @@ def grouped(
     return sorted(groups.items(), key=lambda pair: -len(pair[1]))
 
 
-# ---- Results: what `place` returns.
+# ---- Results: what `location` returns.
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,8 +263,8 @@ class Placement:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the placement as JSON values."""
-        given = {**_place_of(self.given.stand), "duration": self.given.duration}
-        best = None if self.best is None else _place_of(self.best.stand)
+        given = {**_location_of(self.given.stand), "duration": self.given.duration}
+        best = None if self.best is None else _location_of(self.best.stand)
         keys = "reason", "count", "example"
         return {
             "problem": self.problem.name,
@@ -279,7 +285,7 @@ class Placement:
         }
 
 
-def _place_of(stand: Stand) -> dict[str, Any]:
+def _location_of(stand: Stand) -> dict[str, Any]:
     return {"position": list(stand[:3]), "yaw": stand.yaw}
 
 

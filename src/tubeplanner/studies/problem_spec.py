@@ -33,7 +33,7 @@ from tubeplanner.robot.urdf import read_urdf
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import CycleFields, parse_cycle
 from tubeplanner.task.field_changes import changed_problem
-from tubeplanner.task.includes import ProblemLayers, path_places
+from tubeplanner.task.includes import ProblemLayers, paths_in
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, is_cycle
 from tubeplanner.task.problem_reader import build_problem
@@ -72,7 +72,7 @@ def document_hash(document: Any, folder: Path) -> str:
     elif isinstance(dirs, list):
         folders = package_folders([str(each) for each in dirs], folder)
     files = _Files(folder, folders, robot.get("xacro_args") or {})
-    for holder, key, kind in list(path_places(hashed)):
+    for holder, key, kind in list(paths_in(hashed)):
         if isinstance(holder[key], str):
             holder[key] = files.content(kind, holder[key])
     return _hash_of(hashed)
@@ -180,7 +180,7 @@ class ProblemSpec:
 
     def __repr__(self) -> str:
         kind = "cycle" if is_cycle(self.document) else "problem"
-        return f"<PosedProblem {self.name}: a {kind} in {self.folder}>"
+        return f"<ProblemSpec {self.name}: a {kind} in {self.folder}>"
 
     @classmethod
     def read(cls, problem: str | Path, directory: str | Path = ".") -> "ProblemSpec":

@@ -15,7 +15,7 @@ from typing import Any
 
 from tubeplanner.checks import given_path, require_executor
 from tubeplanner.errors import OptionError, ProblemError, TubePlannerError
-from tubeplanner.outcome import Place, PlanStatus, StoppedBy, require_callback
+from tubeplanner.outcome import Location, PlanStatus, StoppedBy, require_callback
 from tubeplanner.planning.cycle_result import CycleResult
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
@@ -68,7 +68,7 @@ class StudyRow:
     runs_failed: int | None = None
     method: str | None = None
     message: str = ""
-    where: Place = field(default_factory=Place)
+    where: Location = field(default_factory=Location)
     notes: tuple[str, ...] = ()
     trajectory_hash: str | None = None
     key: str | None = None
@@ -92,13 +92,13 @@ class StudyRow:
             TypeError: Its place has unknown fields.
         """
         require_fields(cls, {"point": point, "values": {}, **answer})
-        place: dict[str, Any] = {
+        location: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in answer["where"].items()
         }
         converted: dict[str, Any] = {
             "status": PlanStatus(answer["status"]),
-            "where": Place(**place),
+            "where": Location(**location),
             "notes": tuple(answer["notes"]),
         }
         return cls(point, values, key=key, **{**answer, **converted})
@@ -150,7 +150,7 @@ def crashed_answer(error: Exception) -> dict[str, Any]:
 
 
 def _without_plan(status: PlanStatus, message: str) -> dict[str, Any]:
-    return {"status": str(status), "message": message, "where": Place().as_dict(), "notes": []}
+    return {"status": str(status), "message": message, "where": Location().as_dict(), "notes": []}
 
 
 def _of_result(result: PlanResult | CycleResult) -> dict[str, Any]:
@@ -166,7 +166,7 @@ def _of_result(result: PlanResult | CycleResult) -> dict[str, Any]:
     return {
         "status": str(result.status),
         "message": result.message,
-        "where": result.place.as_dict(),
+        "where": result.location.as_dict(),
         "duration": result.duration,
         "shortest_duration": result.shortest_duration,
         "method": result.method,

@@ -17,7 +17,7 @@ from tubeplanner.geometry.tube.rotation import (
     rotational_tube,
 )
 from tubeplanner.geometry.tube.tube import Tube
-from tubeplanner.outcome import MARGIN_TOLERANCE, ContradictionError, Place
+from tubeplanner.outcome import MARGIN_TOLERANCE, ContradictionError, Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.text import short_repr
 
@@ -286,7 +286,7 @@ class EndChecks:
                 f"{what}: joint '{name}' at {q[joint]:g} is outside its "
                 f"position limits [{limits.lower_position[joint]:g}, "
                 f"{limits.upper_position[joint]:g}] (radians and metres are meant)",
-                Place(joint=name),
+                Location(joint=name),
                 configuration=q,
             )
 
@@ -300,13 +300,13 @@ class EndChecks:
                 raise ContradictionError(
                     f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
                     f"position limits and joint sign in segment {number}",
-                    Place(joint=name, segment=number).at(tool[0]),
+                    Location(joint=name, segment=number).at(tool[0]),
                     configuration=q,
                 )
         try:
             self.require_tool_inside(end, rotation, tool, segment)
         except ContradictionError as error:
-            raise ContradictionError(str(error), error.place, configuration=q) from error
+            raise ContradictionError(str(error), error.location, configuration=q) from error
 
     def require_tool_inside(
         self, end: str, rotation: FloatArray, tool: FloatArray, segment: int
@@ -326,7 +326,7 @@ class EndChecks:
                 f"{what} is at {np.round(tool, 4).tolist()} m, {-margin:.3g} m outside "
                 f"the {region} of segment {number} (its end point is "
                 f"{point.tolist()} m); move the {end} or the reference point",
-                self._place_of(end, number, tool),
+                self._location_of(end, number, tool),
             )
 
     def _require_rotation_inside(
@@ -345,10 +345,10 @@ class EndChecks:
             f"tolerance of segment {number} is {tube.bounds[joined, worst]:.4g} rad; turn the "
             f"{end}, change tube.orientations[{number + (end == 'goal')}] or widen "
             f"tube.rotation_tolerance[{number}]",
-            self._place_of(end, number, tool[0]),
+            self._location_of(end, number, tool[0]),
         )
 
-    def _place_of(self, end: str, number: int, tool: FloatArray) -> Place:
+    def _location_of(self, end: str, number: int, tool: FloatArray) -> Location:
         """Return the place of an end in a numbered segment, the tool at a position (3,)."""
         point = self.tube.numbers[0 if end == "start" else -1]
-        return Place(segment=number, point=int(point)).at(tool)
+        return Location(segment=number, point=int(point)).at(tool)

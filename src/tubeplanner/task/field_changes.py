@@ -19,7 +19,7 @@ from tubeplanner.task.problem_format import ProblemFields, check_problem_fields,
 
 
 @dataclass(frozen=True)
-class SchemaPlace:
+class SchemaLocation:
     """Place in the schema of a document.
 
     Attributes:
@@ -29,7 +29,7 @@ class SchemaPlace:
     kinds: tuple[Any, ...]
 
     @classmethod
-    def of(cls, *annotations: Any) -> "SchemaPlace":
+    def of(cls, *annotations: Any) -> "SchemaLocation":
         """Return the place of a value with alternative annotations."""
         return cls(tuple(_kinds(annotations)))
 
@@ -46,20 +46,20 @@ class SchemaPlace:
         """True if a map is valid here."""
         return any(_is_model(kind) or get_origin(kind) is dict for kind in self.kinds)
 
-    def below(self, key: str) -> "SchemaPlace | None":
+    def below(self, key: str) -> "SchemaLocation | None":
         """Return the place under a key of a map; None: the key is unknown."""
         annotations = [get_args(kind)[1] for kind in self.kinds if get_origin(kind) is dict]
         for model in self.kinds:
             if _is_model(model):
                 fields = {field.alias or name: field for name, field in model.model_fields.items()}
                 annotations += [fields[key].annotation] if key in fields else []
-        return SchemaPlace.of(*annotations) if annotations else None
+        return SchemaLocation.of(*annotations) if annotations else None
 
     @property
-    def item(self) -> "SchemaPlace":
+    def item(self) -> "SchemaLocation":
         """Place of the items of a list."""
         lists = [kind for kind in self.kinds if get_origin(kind) in (list, tuple)]
-        return SchemaPlace.of(*(each for kind in lists for each in get_args(kind)))
+        return SchemaLocation.of(*(each for kind in lists for each in get_args(kind)))
 
 
 def _kinds(annotations: Iterable[Any]) -> Iterable[Any]:
@@ -115,7 +115,7 @@ def parse_variation(option: str, text: str) -> tuple[str, list[Any]]:
     return path, parsed
 
 
-def changed_fields(data: Any, changes: Mapping[str, Any], root: SchemaPlace) -> Any:
+def changed_fields(data: Any, changes: Mapping[str, Any], root: SchemaLocation) -> Any:
     """Return a copy of a document with other values at some paths.
 
     Args:
@@ -171,29 +171,29 @@ class _Walk:
         self._path = path
         self._rest: str | None = path
 
-    def change(self, fields: Any, value: Any, place: SchemaPlace) -> None:
+    def change(self, fields: Any, value: Any, location: SchemaLocation) -> None:
         """Change the value at the path in a document whose schema begins at a place."""
         holder = fields
         while True:
-            key, place = self._step(holder, place)
+            key, location = self._step(holder, location)
             old = holder[key] if isinstance(holder, list) else holder.get(key)
             if self._rest is None:
                 holder[key] = self._new(old, value)
                 return
             # A copy: an alias elsewhere in the document keeps its value.
-            holder[key] = {} if old is None and place.may_be_map else deepcopy(old)
+            holder[key] = {} if old is None and location.may_be_map else deepcopy(old)
             holder = holder[key]
 
-    def _step(self, holder: Any, place: SchemaPlace) -> tuple[Any, SchemaPlace]:
+    def _step(self, holder: Any, location: SchemaLocation) -> tuple[Any, SchemaLocation]:
         """Go to the next key of a map or list, and return the key and its place."""
         if isinstance(holder, dict):
-            key = self._next([*holder, *place.keys])
-            below = place.below(key)
+            key = self._next([*holder, *location.keys])
+            below = location.below(key)
             if below is None and key not in holder:
-                raise self._fault(unknown_name("key", key, place.keys))
-            return key, below or SchemaPlace.of()
+                raise self._fault(unknown_name("key", key, location.keys))
+            return key, below or SchemaLocation.of()
         if isinstance(holder, list):
-            return self._item(holder), place.item
+            return self._item(holder), location.item
         state = "is not given" if holder is None else f"is {shown(holder)}, which has no parts"
         raise self._fault(f"{self._walked} {state}; give it as a whole")
 
@@ -329,4 +329,4 @@ def changed_problem(
                 f"{path}: values are changed after files are included; change {INCLUDE} in the "
                 "file, or set the fields themselves"
             )
-    return changed_fields(data, changes, SchemaPlace.of(model))
+    return changed_fields(data, changes, SchemaLocation.of(model))

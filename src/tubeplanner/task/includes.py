@@ -65,13 +65,13 @@ def move_paths(fields: Any, before: Path, after: Path) -> None:
         after: Folder where the new paths start.
     """
     # Read before the first change: an alias may be at two places.
-    places = [(holder, key, holder[key]) for holder, key, _ in path_places(fields)]
-    for holder, key, path in places:
+    locations = [(holder, key, holder[key]) for holder, key, _ in paths_in(fields)]
+    for holder, key, path in locations:
         if isinstance(path, str):
             holder[key] = rebased(path, before, after)
 
 
-def path_places(fields: Any) -> Iterator[tuple[Any, Any, str]]:
+def paths_in(fields: Any) -> Iterator[tuple[Any, Any, str]]:
     """Yield holder, key and field of every path in a problem or a cycle.
 
     Of presets only files: the others are bundled names.

@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.geometry.tube.tube import Tube
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
@@ -72,7 +72,7 @@ class Leg:
         k = int(np.searchsorted(self.first_segments, segment, side="right")) - 1
         return self.moves[k], segment - self.first_segments[k]
 
-    def in_cycle(self, where: Place, begin: float) -> Place:
+    def in_cycle(self, where: Location, begin: float) -> Location:
         """Return a place in the leg as a place in the cycle.
 
         Args:

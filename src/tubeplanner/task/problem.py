@@ -14,7 +14,7 @@ from tubeplanner.geometry.collision_checker import CollisionChecker, CollisionSc
 from tubeplanner.geometry.solids import MAX_SIZE, AttachedSolid, Obstacle
 from tubeplanner.geometry.tube.rotation import RotationalTube
 from tubeplanner.geometry.tube.tube import Tube, joined_segments
-from tubeplanner.outcome import MARGIN_TOLERANCE, ContradictionError, Place
+from tubeplanner.outcome import MARGIN_TOLERANCE, ContradictionError, Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.demands import (
@@ -319,7 +319,7 @@ class PlanningProblem:
                 f"signs and position limits [{limits.lower_position[joint]:g}, "
                 f"{limits.upper_position[joint]:g}] ask for >= {lower[segment, joint]:g} and <= "
                 f"{upper[segment, joint]:g}",
-                Place(joint=names[joint], segment=number),
+                Location(joint=names[joint], segment=number),
                 proved=(self.tube.visit == "ordered" and gap > 2 * MARGIN_TOLERANCE) or None,
             )
         self._keep("joint_lower", read_only(lower))

@@ -334,17 +334,17 @@ def _too_many_samples() -> TrajectoryError:
     )
 
 
-def _number(value: Any, where: str, *places: object) -> float:
-    """Return a finite number; `where`, its braces filled with `places`, names the number."""
+def _number(value: Any, where: str, *locations: object) -> float:
+    """Return a finite number; `where`, its braces filled with `locations`, names the number."""
     try:
         number = float(value)
     except (TypeError, ValueError):
-        raise TrajectoryError(f"{where.format(*places)} is {shown(value)}, no number") from None
+        raise TrajectoryError(f"{where.format(*locations)} is {shown(value)}, no number") from None
     except OverflowError:  # a whole number too large for a float
         number = np.inf
     if not abs(number) <= _MAX_NUMBER:
         raise TrajectoryError(
-            f"{where.format(*places)} is {number:g}; it must be finite, at most {_MAX_NUMBER:g}"
+            f"{where.format(*locations)} is {number:g}; it must be finite, at most {_MAX_NUMBER:g}"
         )
     return number
 

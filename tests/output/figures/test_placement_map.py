@@ -9,7 +9,7 @@ from matplotlib.collections import PatchCollection
 from matplotlib.patches import Rectangle
 
 from tubeplanner import Stand, load_problem, plot_placement
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.studies.base_regions import Region
 from tubeplanner.studies.placement_rows import GivenStand, Placement, PlacementRow
 
@@ -28,8 +28,8 @@ def placement(tmp_path_factory):
         statuses[stand] = ("success", duration)
     statuses |= {second[3]: ("unreachable", None), second[5]: ("tube_blocked", None)}
     statuses[third[0]] = ("unreachable", None)
-    rows = [PlacementRow(s, status, "", Place(), d) for s, (status, d) in statuses.items()]
-    rows.append(PlacementRow(Stand(-0.4, 0.25, 0.0, 0.5), "success", "", Place(), 0.65))
+    rows = [PlacementRow(s, status, "", Location(), d) for s, (status, d) in statuses.items()]
+    rows.append(PlacementRow(Stand(-0.4, 0.25, 0.0, 0.5), "success", "", Location(), 0.65))
     given = GivenStand(Stand(0.0, 0.0, 0.0, 0.0), None, "unreachable")
     region = Region.of([-1.0, 1.0, -1.0, 1.0], 0.0)
     return Placement(problem, region, ("floor",), GRID, tuple(rows), given, rows[-1], None, {})

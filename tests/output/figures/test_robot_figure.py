@@ -35,9 +35,9 @@ def test_frames_are_named_apart_and_all_is_inside():
 def test_an_arm_is_drawn_where_it_stands():
     pose = BasePose((0.3, -0.2, 1.1), (0.4, -1.2, 2.5))
     far = np.array([2.0, 3.0, 5.0])
-    places = {None: far, pose: pose.placement[:3, :3] @ far + pose.placement[:3, 3]}
+    locations = {None: far, pose: pose.placement[:3, :3] @ far + pose.placement[:3, 3]}
     away = []
-    for base, seen_from in places.items():
+    for base, seen_from in locations.items():
         arm = load_robot("example:two_link", "hand", base=base)
         rotation, position = arm.body_poses(np.full(2, 0.4))
         parts, _ = link_parts(arm, 10**9)

@@ -36,7 +36,7 @@ def test_no_two_reasons_look_the_same():
 
 
 @pytest.mark.parametrize(
-    ("values", "places", "is_scaled"),
+    ("values", "positions", "is_scaled"),
     [
         ([0.2, 0, 3], [0.2, 0, 3], True),
         (["x0.5", "x2"], [0.5, 2], True),
@@ -45,9 +45,9 @@ def test_no_two_reasons_look_the_same():
         ([1.0, float("inf")], [0, 1], False),
     ],
 )
-def test_numbers_and_factors_are_to_scale_others_in_a_row(values, places, is_scaled):
+def test_numbers_and_factors_are_to_scale_others_in_a_row(values, locations, is_scaled):
     scale = ValueScale.of("a.b", values)
-    np.testing.assert_array_equal(scale.places, places)
+    np.testing.assert_array_equal(scale.locations, locations)
     assert scale.is_scaled == is_scaled
 
 

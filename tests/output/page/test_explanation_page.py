@@ -17,7 +17,7 @@ from tubeplanner import (
     parse_problem,
     plan,
 )
-from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.outcome import Location, PlanStatus
 from tubeplanner.output.drawing import BLOCKED_COLOR, rgb
 from tubeplanner.output.page.explanation_page import blocked_arm, contact_point, view_explanation
 from tubeplanner.output.page.scene import Layer
@@ -34,9 +34,9 @@ BEYOND = {"points": [[0.0, 0.0, 0.0], [1.1, 0.0, 0.0]], "radius": 0.01}
 RED = rgb(BLOCKED_COLOR)
 
 
-def blocked_at(place, configuration=None):
+def blocked_at(location, configuration=None):
     """Return the arm of an explanation with a blockage at a place."""
-    result = PlanResult(PlanStatus.TUBE_BLOCKED, "", place, "refinement")
+    result = PlanResult(PlanStatus.TUBE_BLOCKED, "", location, "refinement")
     result = replace(result, configuration=configuration)
     return blocked_arm(PROBLEM, Explanation("name", PROBLEM, result, None))
 
@@ -56,13 +56,13 @@ def red(scene):
 
 
 def test_the_arm_is_where_planning_met_what_blocks_or_as_near_as_it_comes():
-    shown = blocked_at(Place(), HERE)
+    shown = blocked_at(Location(), HERE)
     np.testing.assert_allclose(shown.tool, PROBLEM.robot.tool_position(HERE[None]))
-    assert blocked_at(Place(joint="joint1")) is None
+    assert blocked_at(Location(joint="joint1")) is None
     near = "100 mm from where it must be"
     for far, away, name in ((0.5, 0.0, "where it is blocked"), (REACH + 0.1, 0.1, near)):
         target = np.array([0.6, 0.8, 0]) * far
-        shown = blocked_at(Place().at(target))
+        shown = blocked_at(Location().at(target))
         assert np.linalg.norm(shown.tool[0] - target) == pytest.approx(away, abs=1e-4)
         assert shown.name == name
 
@@ -72,18 +72,20 @@ def test_solids_touch_between_them_and_of_several_pieces_the_deepest_counts():
     problem = load_problem("example:ur5/over_the_wall", changes={"obstacles": [block]})
     pairs = problem.collision.between("forearm_link", "block")
     assert pairs.sum() > 1
-    place = Place(links=("forearm_link",), obstacle="block")
-    point = contact_point(problem, place, problem.start)
+    location = Location(links=("forearm_link",), obstacle="block")
+    point = contact_point(problem, location, problem.start)
     assert np.linalg.norm(point - block["position"]) < 0.3
-    assert contact_point(problem, place, None) is None
-    assert contact_point(problem, Place(joint="shoulder_pan_joint"), problem.start) is None
+    assert contact_point(problem, location, None) is None
+    assert contact_point(problem, Location(joint="shoulder_pan_joint"), problem.start) is None
 
 
 def test_the_place_is_marked_and_what_helps_is_listed(tmp_path):
     path = gantry(tmp_path, tube=BEYOND)
     shown = view_explanation(explanation := known(path, remedies=(REMEDY,), ineffective=("tube",)))
     (core,) = [item for item in shown.scene.items if item.name == "core"]
-    assert core.surface.vertices.mean(axis=0) == pytest.approx(explanation.place.position, abs=1e-3)
+    assert core.surface.vertices.mean(axis=0) == pytest.approx(
+        explanation.location.position, abs=1e-3
+    )
     assert Layer.BLOCKED in shown.scene.layers
     (standing,) = shown.scene.trajectories
     assert standing.tool[0] == pytest.approx([1.0, 0.0, 0.0], abs=1e-3)
@@ -104,7 +106,7 @@ def test_the_place_is_marked_and_what_helps_is_listed(tmp_path):
 def test_what_is_in_the_way_has_a_colour_of_its_own_and_names_are_no_markup(tmp_path):
     name = "</script><b>post"
     explanation = known(gantry(tmp_path, [{**POST, "name": name}]), {"clearance": 0.4})
-    assert explanation.place.obstacle == name
+    assert explanation.location.obstacle == name
     shown = view_explanation(explanation)
     assert (Layer.OBSTACLES, name) in red(shown.scene)
     assert "<b>post" not in shown.html

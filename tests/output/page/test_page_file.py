@@ -154,9 +154,9 @@ def test_what_is_under_the_pointer_is_named(page):
     page.run("see([0, -0.001, 1])")
     page.settle()
     box = "new MeshCat.THREE.Box3().setFromObject(objectAt('obstacles', '0'))"
-    place = f"{box}.getCenter(new MeshCat.THREE.Vector3()).project(viewer.camera)"
+    location = f"{box}.getCenter(new MeshCat.THREE.Vector3()).project(viewer.camera)"
     on_screen = "(({x, y}) => [(x + 1) / 2 * innerWidth, (1 - y) / 2 * innerHeight])"
-    x, y = page.run(f"{on_screen}({place})")
+    x, y = page.run(f"{on_screen}({location})")
     page.hover(x, y)
     page.hover(x + 1, y)
     assert page.run("byId('pointed').textContent") == f"obstacle {NAME}"

@@ -67,8 +67,8 @@ def test_the_radius_is_where_the_link_meets_the_post(post):
         assert exact - 0.004 < segment.radius < exact + 1e-3
         assert segment.joint_ranges == {"joint2": (-np.inf, 0.0)}
     binding = result.segments[0].bindings[0]
-    assert (binding.bound, binding.place.links) == ("radius", ("link2",))
-    assert binding.place.obstacle == "post"
+    assert (binding.bound, binding.location.links) == ("radius", ("link2",))
+    assert binding.location.obstacle == "post"
 
 
 def test_a_measured_tube_is_planned_and_faster(post):
@@ -89,7 +89,7 @@ def test_six_joints_get_ranges_that_survive(ur5):
     (segment,) = result.segments
     assert 0.005 < segment.radius <= 0.2
     assert len(segment.joint_ranges) == 6
-    assert {binding.place.obstacle for binding in segment.bindings} & {"wall"}
+    assert {binding.location.obstacle for binding in segment.bindings} & {"wall"}
     attack = random_attack(result.problem, 0, 600, np.random.default_rng(1))
     assert attack.collisions == 0
     signs_alone = beside_a_wall.with_tube(beside_a_wall.tube.with_radius(segment.radius))
@@ -101,7 +101,7 @@ def test_a_blocked_centre_line_is_an_answer(post):
     ball = Obstacle.sphere("ball", 0.02, placement_of([0.45, -0.1, 0]))
     result = measure_tube(replace(problem, obstacles=[ball]), QUICK)
     assert (result.succeeded, result.status, result.problem) == (False, "tube_blocked", None)
-    assert (result.place.links, result.place.obstacle) == (("link2",), "ball")
+    assert (result.location.links, result.location.obstacle) == (("link2",), "ball")
     assert "the arm collides on the centre line of segment 0: link2, to 'ball'" in result.message
     assert "mm too close; move the reference points" in result.message
 

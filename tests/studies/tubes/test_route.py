@@ -234,7 +234,7 @@ def test_ended_before_anything_is_certified_there_is_none():
 def test_without_an_answer_the_reason_is_named(changes, options, status, message):
     answer = find_route(cell(**changes), RouteOptions(**options))
     assert answer.status == status and message in answer.message
-    assert (answer.place.position is None) == (status == "time_limit")
+    assert (answer.location.position is None) == (status == "time_limit")
 
 
 @pytest.mark.parametrize(

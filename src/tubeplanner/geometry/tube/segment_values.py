@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.checks import is_number
 from tubeplanner.errors import ProblemError, shown
-from tubeplanner.outcome import MARGIN_TOLERANCE, ContradictionError, Place
+from tubeplanner.outcome import MARGIN_TOLERANCE, ContradictionError, Location
 
 
 class SegmentNumber(NamedTuple):
@@ -156,6 +156,6 @@ def _require_switch(
                 f"tube.joint_signs: joint '{name}' has the range {list(before[name])} in segment "
                 f"{k} and {list(after[name])} in segment {k + 1}, which do not meet; give ranges "
                 "that share a value",
-                Place(joint=name, segment=k),
+                Location(joint=name, segment=k),
                 proved=lower - upper > 2 * MARGIN_TOLERANCE or None,
             )

@@ -28,8 +28,8 @@ def draw_strip(axis: "Axes", strip: BindingStrip) -> None:
             _draw_span(axis, span, row, strip.duration)
     transform = axis.get_yaxis_transform()
     for row in range(strip.joint_count):
-        place: dict[str, Any] = {"transform": transform, "clip_on": False}
-        axis.plot((_LINE_FROM, _LINE_TO), (row, row), **line_style(row), **place)
+        coordinates: dict[str, Any] = {"transform": transform, "clip_on": False}
+        axis.plot((_LINE_FROM, _LINE_TO), (row, row), **line_style(row), **coordinates)
     axis.set_yticks(range(len(strip.rows)), list(strip.rows), fontsize=8)
     axis.tick_params(axis="y", length=0, pad=44)
     axis.set_ylim(len(strip.rows) - 0.45, -0.55)
@@ -74,8 +74,8 @@ def _draw_legend(axis: "Axes", strip: BindingStrip) -> None:
         "What binds when (98 % of a limit or more): "
         f"some limit on the speed {percent(strip.speed_fraction)} of the time"
     )
-    place: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
-    axis.annotate(title, (0.0, 1.0), (0, 34), fontsize=9.5, **place)
+    coordinates: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
+    axis.annotate(title, (0.0, 1.0), (0, 34), fontsize=9.5, **coordinates)
 
 
 def percent(fraction: float) -> str:

@@ -192,8 +192,8 @@ def mark_segments(
             axis.axvline(begin, color="#888888", linewidth=0.8, linestyle=":")
         if labels and len(visits) <= _MAX_LABELS:
             name = _label(curves, group, (end - begin) / last)
-            place = axis.get_xaxis_transform()
-            axis.text((begin + end) / 2, 1.01, name, transform=place, ha="center", fontsize=7)
+            coordinates = axis.get_xaxis_transform()
+            axis.text((begin + end) / 2, 1.01, name, transform=coordinates, ha="center", fontsize=7)
     axis.set_xlim(0.0, last)
     axis.set_xlabel("time [s]")
     axis.grid(alpha=0.25)

@@ -40,7 +40,7 @@ def plot_placement(result: Placement, path: str | Path | None = None) -> "Figure
     there is no motion, its reason is that of the angle or height at which planning came farthest.
 
     Args:
-        result: Result of `place`.
+        result: Result of `location`.
         path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
     Raises:

@@ -128,27 +128,27 @@ def rendered(solids: Sequence[RenderedSolid], view: SpaceView) -> Picture:
     nearest = np.full(width * height, -np.inf)
     pixels = np.zeros((width * height, 4))
     for number, part in enumerate(opaque):
-        for place, near, color in _fragments(part, width, height):
+        for index, near, color in _fragments(part, width, height):
             # Of faces in one plane the last wins throughout, instead of a mixture by rounding.
             near = near + _TIE * number
-            np.maximum.at(nearest, place, near)
-            is_seen = near >= nearest[place]
-            pixels[place[is_seen]] = color[is_seen]
+            np.maximum.at(nearest, index, near)
+            is_seen = near >= nearest[index]
+            pixels[index[is_seen]] = color[is_seen]
     visible = []
     for part in through:
         # The nearest fragment of every pixel: pixels where triangles meet are in both.
         fragments = _fragments(part, width, height)
-        place = np.concatenate([np.zeros(0, dtype=np.int64), *(each[0] for each in fragments)])
+        index = np.concatenate([np.zeros(0, dtype=np.int64), *(each[0] for each in fragments)])
         near = np.concatenate([np.zeros(0), *(each[1] for each in fragments)])
         color = np.vstack([np.zeros((0, 4)), *(each[2] for each in fragments)])
-        order = np.lexsort([near, place])
-        last = order[np.flatnonzero(np.diff(place[order], append=-1))]
-        place, near, color = place[last], near[last], color[last]
-        is_seen = near > nearest[place]
-        visible.append((place[is_seen], near[is_seen], color[is_seen]))
+        order = np.lexsort([near, index])
+        last = order[np.flatnonzero(np.diff(index[order], append=-1))]
+        index, near, color = index[last], near[last], color[last]
+        is_seen = near > nearest[index]
+        visible.append((index[is_seen], near[is_seen], color[is_seen]))
     if visible:
-        place, near, color = (np.concatenate(rows) for rows in zip(*visible, strict=True))
-        _lay_over(pixels, place, near, color)
+        index, near, color = (np.concatenate(rows) for rows in zip(*visible, strict=True))
+        _lay_over(pixels, index, near, color)
     return Picture(pixels.reshape(height, width, 4), low, low + pixel * np.array([width, height]))
 
 
@@ -227,8 +227,8 @@ def _fragments(triangles: _Triangles, width: int, height: int) -> list[_Fragment
         slopes = planes[owner]
         value = slopes[:, :, 0] * x[:, None] + slopes[:, :, 1] * y[:, None] + slopes[:, :, 2]
         inside = (value[:, :2] >= 0).all(axis=1) & (value[:, 0] + value[:, 1] <= 1)
-        place = (y * width + x)[inside]
-        fragments.append((place, value[inside, 2], triangles.colors[owner[inside]]))
+        index = (y * width + x)[inside]
+        fragments.append((index, value[inside, 2], triangles.colors[owner[inside]]))
     return fragments
 
 
@@ -253,18 +253,18 @@ def _planes(corners: FloatArray) -> FloatArray:
     return by
 
 
-def _lay_over(pixels: FloatArray, place: IntArray, near: FloatArray, color: FloatArray) -> None:
+def _lay_over(pixels: FloatArray, index: IntArray, near: FloatArray, color: FloatArray) -> None:
     """Lay translucent fragments (P,) over pixels, from far to near."""
-    order = np.lexsort([near, place])
-    place, color = place[order], color[order]
-    begin = np.flatnonzero(np.diff(place, prepend=-1))
-    rank = np.arange(len(place)) - np.repeat(begin, np.diff(np.append(begin, len(place))))
+    order = np.lexsort([near, index])
+    index, color = index[order], color[order]
+    begin = np.flatnonzero(np.diff(index, prepend=-1))
+    rank = np.arange(len(index)) - np.repeat(begin, np.diff(np.append(begin, len(index))))
     for layer in range(int(rank.max(initial=-1)) + 1):
         now = rank == layer
-        own, over = pixels[place[now]], color[now]
+        own, over = pixels[index[now]], color[now]
         alpha = over[:, 3:] + own[:, 3:] * (1 - over[:, 3:])
         mixed = over[:, :3] * over[:, 3:] + own[:, :3] * own[:, 3:] * (1 - over[:, 3:])
-        pixels[place[now]] = np.hstack([mixed / alpha, alpha])
+        pixels[index[now]] = np.hstack([mixed / alpha, alpha])
 
 
 def _normals(corners: FloatArray) -> FloatArray:

@@ -181,13 +181,13 @@ def _name_frames(figure: "Figure", axis: Any, frames: Sequence[_Frame]) -> None:
     """Write names into two columns beside the picture, with a line from each name to its frame."""
     from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-    def place(frame: _Frame) -> FloatArray:
+    def position_of(frame: _Frame) -> FloatArray:
         x, y, _ = proj_transform(*frame.origin, axis.get_proj())
         pixels = axis.transData.transform((x, y))
         point: FloatArray = figure.transFigure.inverted().transform(pixels)
         return point
 
-    placed = sorted(((place(frame), frame) for frame in frames), key=lambda pair: pair[0][0])
+    placed = sorted(((position_of(frame), frame) for frame in frames), key=lambda pair: pair[0][0])
     half = len(placed) // 2
     for column, edge, side in ((placed[:half], _LEFT, "left"), (placed[half:], _RIGHT, "right")):
         ordered = sorted(column, key=lambda pair: -pair[0][1])

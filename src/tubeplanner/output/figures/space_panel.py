@@ -314,8 +314,8 @@ def draw_frame(axis: "Axes", view: SpaceView, low: FloatArray, high: FloatArray)
 def _draw_scale(axis: "Axes", view: SpaceView, ends: FloatArray, k: int, stops: FloatArray) -> None:
     """Draw a scale from end to end (2, 3), with numbers at the stops and its name."""
     axis.plot(*view.on_page(ends).T, **_AXIS)
-    places = np.tile(ends[0], (len(stops), 1))
-    places[:, k] = stops
+    positions = np.tile(ends[0], (len(stops), 1))
+    positions[:, k] = stops
     align: dict[str, Any]
     if k == _UP:
         shift, align = (-6.0, 0.0), {"ha": "right", "va": "center"}
@@ -324,14 +324,14 @@ def _draw_scale(axis: "Axes", view: SpaceView, ends: FloatArray, k: int, stops: 
         falls = along[0] * along[1] < 0
         shift = (-4.0 if falls else 4.0, -6.0)
         align = {"ha": "right" if falls else "left", "va": "top"}
-    for place, stop in zip(view.on_page(places), stops, strict=True):
+    for position, stop in zip(view.on_page(positions), stops, strict=True):
         axis.annotate(
-            f"{stop + 0.0:.4g}", place, shift, textcoords="offset points", fontsize=7, **align
+            f"{stop + 0.0:.4g}", position, shift, textcoords="offset points", fontsize=7, **align
         )
-    place, far = ends.mean(axis=0), (3.0 * shift[0], 3.0 * shift[1])
+    position, far = ends.mean(axis=0), (3.0 * shift[0], 3.0 * shift[1])
     if k == _UP:
-        place, far, align = ends[1], (0.0, 6.0), {"ha": "center"}
-    x, y = view.on_page(place).tolist()
+        position, far, align = ends[1], (0.0, 6.0), {"ha": "center"}
+    x, y = view.on_page(position).tolist()
     axis.annotate(_NAMES[k], (x, y), far, textcoords="offset points", fontsize=8, **align)
 
 

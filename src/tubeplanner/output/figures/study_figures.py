@@ -87,12 +87,16 @@ def _draw_each(figure: "Figure", result: StudyResult, paths: list[str]) -> None:
     for axis, path in zip(panels.flat, paths, strict=False):
         scale = ValueScale.of(path, [row.values[path] for row in result.rows])
         scale.draw(axis)
-        each = list(zip(scale.places.tolist(), result.rows, strict=True))
-        planned = [(place, row.duration) for place, row in each if row.duration is not None]
+        each = list(zip(scale.positions.tolist(), result.rows, strict=True))
+        planned = [
+            (coordinates, row.duration) for coordinates, row in each if row.duration is not None
+        ]
         if planned:
             color = line_style(0)["color"]
             axis.plot(*zip(*planned, strict=True), "o", color=color, alpha=0.6, markersize=4)
-        draw_rug(axis, [(place, row.status) for place, row in each if row.duration is None])
+        draw_rug(
+            axis, [(coordinates, row.status) for coordinates, row in each if row.duration is None]
+        )
         axis.grid(alpha=0.25)
     for axis in panels.flat[len(paths) :]:
         axis.set_visible(False)
@@ -153,7 +157,7 @@ def _draw_durations(
     for number, row in enumerate(rows):
         if row.duration is not None:
             axis.barh(number, row.duration, 0.6, **(_CERTIFIED if row.certified else _FAILED))
-        place: dict[str, Any] = {"transform": axis.get_yaxis_transform(), "va": "center"}
+        coordinates: dict[str, Any] = {"transform": axis.get_yaxis_transform(), "va": "center"}
         if row.duration is None:
             verdict = f"no motion: {row.message}"
         elif row.certified:
@@ -162,7 +166,7 @@ def _draw_durations(
             verdict = f"{row.duration:.4f} s, fails: {', '.join(row.failures)}"
         short = shorten(verdict, _LINES * (_LETTERS - 4), placeholder=" ...")
         verdict = fill(short, _LETTERS)
-        axis.text(1.02, number, verdict, fontsize=8.5, parse_math=False, **place)
+        axis.text(1.02, number, verdict, fontsize=8.5, parse_math=False, **coordinates)
     axis.set_yticks(range(len(rows)), [row.method for row in rows])
     axis.set_ylim(len(rows) - 0.5, -0.5)
     axis.tick_params(axis="y", length=0)
@@ -267,7 +271,7 @@ def draw_scatter(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -
     Arguments as of `draw_map`, but for any rows.
     """
     scales = [ValueScale.of(path, [row.values[path] for row in rows]) for path in (across, up)]
-    x, y = (scale.places for scale in scales)
+    x, y = (scale.positions for scale in scales)
     durations = np.array([np.nan if row.duration is None else row.duration for row in rows])
     is_planned = np.isfinite(durations)
     scales[0].draw(axis, "x")
@@ -291,7 +295,7 @@ class _Ticks:
         self._path = path
         by_text = {value_text(row.values[path]): row.values[path] for row in rows}
         self.scale = ValueScale.of(path, list(by_text.values()))
-        order = np.argsort(self.scale.places, kind="stable")
+        order = np.argsort(self.scale.positions, kind="stable")
         self.values = [self.scale.values[k] for k in order]
         self._numbers = {value_text(value): k for k, value in enumerate(self.values)}
 

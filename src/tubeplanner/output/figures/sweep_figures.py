@@ -177,13 +177,13 @@ class ValueScale:
     Attributes:
         path: Of the field.
         values: From the file or the caller.
-        places: Their positions on the axis.
+        positions: Their positions on the axis.
         is_scaled: True if positions are numbers or factors; else they count the values.
     """
 
     path: str
     values: Sequence[Any]
-    places: FloatArray
+    positions: FloatArray
     is_scaled: bool
 
     @classmethod
@@ -192,11 +192,11 @@ class ValueScale:
         factors = [factor_of(value) for value in values]
         for numbers in (values, factors):
             if values and all(is_number(number) for number in numbers):
-                places = np.array(numbers, dtype=float)
-                if np.isfinite(places).all():
-                    return cls(path, values, places, True)
+                positions = np.array(numbers, dtype=float)
+                if np.isfinite(positions).all():
+                    return cls(path, values, positions, True)
         texts = [value_text(value) for value in values]
-        order = {text: place for place, text in enumerate(dict.fromkeys(texts))}
+        order = {text: position for position, text in enumerate(dict.fromkeys(texts))}
         return cls(path, values, np.array([float(order[text]) for text in texts]), False)
 
     @property
@@ -208,9 +208,9 @@ class ValueScale:
     @property
     def is_logarithmic(self) -> bool:
         """True if the values lie more evenly by their ratios than by their differences."""
-        if not self.is_scaled or len(self.places) < 3 or min(self.places) <= 0:
+        if not self.is_scaled or len(self.positions) < 3 or min(self.positions) <= 0:
             return False
-        least, middle, most = min(self.places), np.median(self.places), max(self.places)
+        least, middle, most = min(self.positions), np.median(self.positions), max(self.positions)
         ratio = abs(middle - np.sqrt(least * most)) < abs(middle - (least + most) / 2)
         return bool(ratio and most >= _WIDE_RANGE * least)
 
@@ -226,7 +226,7 @@ class ValueScale:
             line.set_major_formatter(FormatStrFormatter("%g"))
             line.set_minor_formatter(NullFormatter())
         if not self.is_scaled:
-            labels = dict(zip(self.places.tolist(), map(value_label, self.values), strict=True))
+            labels = dict(zip(self.positions.tolist(), map(value_label, self.values), strict=True))
             line.set_ticks(list(labels), labels=list(labels.values()))
             axis.set(**{f"{side}lim": (min(labels) - 0.5, max(labels) + 0.5)})
             if side == "x" and sum(map(len, labels.values())) > _MAX_UPRIGHT:
@@ -294,33 +294,33 @@ def draw_durations(
         lines["shortest that was found"] = [row.shortest_duration for row in rows]
     for number, (label, durations) in enumerate(lines.items()):
         values = np.array([np.nan if d is None else d for d in durations])
-        order = np.argsort(scale.places)
+        order = np.argsort(scale.positions)
         order = order[np.isfinite(values[order])]
         style = {**line_style(number), "linewidth": 1.0 if scale.is_scaled else 0.0}
-        axis.plot(scale.places[order], values[order], "o", label=label, **style)
+        axis.plot(scale.positions[order], values[order], "o", label=label, **style)
     gaps = [
-        (place, row.status)
-        for place, row in zip(scale.places.tolist(), rows, strict=True)
+        (position, row.status)
+        for position, row in zip(scale.positions.tolist(), rows, strict=True)
         if row.duration is None
     ]
     if len(gaps) > _MAX_NAMED:
         draw_rug(axis, gaps)
     else:
-        for place, status in gaps:
-            draw_gap(axis, place, status_words(status))
-    _mark_runs(axis, scale.places, rows)
+        for position, status in gaps:
+            draw_gap(axis, position, status_words(status))
+    _mark_runs(axis, scale.positions, rows)
     axis.set_ylabel("duration [s]")
     axis.grid(alpha=0.25)
     axis.legend(fontsize=8)
 
 
-def _mark_runs(axis: "Axes", places: FloatArray, rows: Sequence[DurationRow]) -> None:
+def _mark_runs(axis: "Axes", positions: FloatArray, rows: Sequence[DurationRow]) -> None:
     """Write the number of failed runs above simulated answers, and mark answers with failures."""
     failed = []
-    for row, place in zip(rows, places, strict=True):
+    for row, position in zip(rows, positions, strict=True):
         if row.duration is None or row.runs is None:
             continue
-        at = (place, row.duration)
+        at = (position, row.duration)
         axis.annotate(f"{row.runs_failed} of {row.runs} failed", at, **_ABOVE)
         if row.runs_failed:
             failed.append(at)
@@ -376,10 +376,10 @@ def status_words(status: PlanStatus) -> str:
 
 def draw_rug(axis: "Axes", gaps: Iterable[tuple[float, PlanStatus]]) -> None:
     """Mark values without a plan at the lower edge of axes, by their status."""
-    places: dict[PlanStatus, list[float]] = {}
-    for place, status in gaps:
-        places.setdefault(status, []).append(place)
-    for status, values in places.items():
+    positions: dict[PlanStatus, list[float]] = {}
+    for position, status in gaps:
+        positions.setdefault(status, []).append(position)
+    for status, values in positions.items():
         mark = status_mark(status)
         label = f"no plan: {status_words(status)} ({len(values)})"
         transform = axis.get_xaxis_transform()

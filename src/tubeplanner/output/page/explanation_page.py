@@ -11,7 +11,7 @@ from tubeplanner.errors import OptionError
 from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.pose_configurations import spread_seeds
-from tubeplanner.outcome import Infeasible, Place
+from tubeplanner.outcome import Infeasible, Location
 from tubeplanner.output.drawing import BLOCKED_COLOR, directions, hull_surface, pipe, rgb
 from tubeplanner.output.page.panel import panel_data
 from tubeplanner.output.page.problem_scene import build_scene
@@ -46,8 +46,8 @@ def view_explanation(found: Explanation) -> View:
     motion = None if result is None else result.trajectory
     motions = {} if motion is None else {"shortest motion": motion}
     scene = build_scene(problem, motions, at_rest=blocked_arm(problem, found))
-    contact = contact_point(problem, found.place, found.configuration)
-    items = with_blocked(scene.items, problem, found.place, contact, scene.thickness)
+    contact = contact_point(problem, found.location, found.configuration)
+    items = with_blocked(scene.items, problem, found.location, contact, scene.thickness)
     scene = replace(scene, items=items)
     return View(scene, {**panel_data(scene), "findings": _findings(found)})
 
@@ -123,9 +123,9 @@ def blocked_arm(problem: PlanningProblem, found: Explanation) -> ShownTrajectory
     robot, q = problem.robot, found.configuration
     if q is not None:
         return poses_standing(robot, "where it is blocked", q)
-    if found.place.position is None:
+    if found.location.position is None:
         return None
-    target = np.array(found.place.position)
+    target = np.array(found.location.position)
     q = _nearest(problem, target)
     away = float(np.linalg.norm(robot.tool_position(q[None])[0] - target))
     near = (
@@ -148,16 +148,16 @@ def _nearest(problem: PlanningProblem, target: FloatArray) -> FloatArray:
 
 
 def contact_point(
-    problem: PlanningProblem, place: Place, q: FloatArray | None
+    problem: PlanningProblem, location: Location, q: FloatArray | None
 ) -> FloatArray | None:
     """Return the midpoint between the two solids of a place, (3,) [m]; None without two solids.
 
     Args:
         problem: The planning problem.
-        place: Place of the blockage.
+        location: Place of the blockage.
         q: The configuration there, shape (n,); None: not known.
     """
-    names = [*(place.links or ()), *([place.obstacle] if place.obstacle else [])]
+    names = [*(location.links or ()), *([location.obstacle] if location.obstacle else [])]
     if q is None or len(names) != 2:
         return None
     checker = problem.collision
@@ -182,7 +182,7 @@ _HALO_OPACITY = 0.35
 def with_blocked(
     items: Sequence[Item],
     problem: PlanningProblem,
-    place: Place,
+    location: Location,
     contact: FloatArray | None,
     thickness: float,
 ) -> tuple[Item, ...]:
@@ -191,23 +191,23 @@ def with_blocked(
     Args:
         items: Of the problem's scene.
         problem: The problem.
-        place: Place of the blockage.
+        location: Place of the blockage.
         contact: Midpoint between the blocking solids, (3,) [m]; None: not known.
         thickness: Radius of drawn lines [m].
     """
-    names = {*(place.links or ()), place.obstacle}
+    names = {*(location.links or ()), location.obstacle}
     joints = problem.robot.joint_names
-    bodies = {joints.index(place.joint) + 1} if place.joint in joints else set()
+    bodies = {joints.index(location.joint) + 1} if location.joint in joints else set()
     color = rgb(BLOCKED_COLOR)
     colored = [
         replace(item, color=color) if _is_blocking(item, names, bodies) else item for item in items
     ]
     center = contact
-    if center is None and place.position is not None:
-        center = np.array(place.position)
-    elif center is None and place.point is not None:
-        center = problem.tube.points[place.point]
-    return (*colored, *_marks(problem, place, center, thickness))
+    if center is None and location.position is not None:
+        center = np.array(location.position)
+    elif center is None and location.point is not None:
+        center = problem.tube.points[location.point]
+    return (*colored, *_marks(problem, location, center, thickness))
 
 
 def _is_blocking(item: Item, names: set[str | None], bodies: set[int]) -> bool:
@@ -217,7 +217,7 @@ def _is_blocking(item: Item, names: set[str | None], bodies: set[int]) -> bool:
 
 
 def _marks(
-    problem: PlanningProblem, place: Place, center: FloatArray | None, thickness: float
+    problem: PlanningProblem, location: Location, center: FloatArray | None, thickness: float
 ) -> list[Item]:
     """Return a ball about a point (3,), and a line along the segment of a place."""
     color, marks = rgb(BLOCKED_COLOR), []
@@ -225,8 +225,8 @@ def _marks(
         for name, size, opacity in (("core", _CORE, 1.0), ("halo", _HALO, _HALO_OPACITY)):
             ball = hull_surface(center + size * thickness * directions(_BALL_POINTS))
             marks.append(Item(Layer.BLOCKED, 0, name, ball, color, opacity))
-    if place.segment is not None:
-        ends = problem.tube.points[place.segment : place.segment + 2]
+    if location.segment is not None:
+        ends = problem.tube.points[location.segment : location.segment + 2]
         line, _ = pipe(ends, _LINE * thickness)
         marks.append(Item(Layer.BLOCKED, 0, "segment", line, color))
     return marks

@@ -15,7 +15,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.branches import ReferenceBranch
 from tubeplanner.geometry.tube.points import densified
 from tubeplanner.geometry.tube.segment_values import JointRange
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
@@ -251,14 +251,13 @@ class BranchNeighbourhood:
     def _unless_collision(self, k: int, found: SegmentSearch | Collision) -> SegmentSearch:
         if isinstance(found, SegmentSearch):
             return found
-        place = _place(self._problem, k, found.q, self._pair_clearance.pairs[found.pair])
+        location = _place(self._problem, k, found.q, self._pair_clearance.pairs[found.pair])
         message = (
-            f"there is no free space around the branch in segment {place.segment}: within its own "
-            "joint ranges "
-            f"{place}, {-1000 * found.clearance:.1f} mm too close; split the segment by another "
-            "reference point, or move it"
+            f"there is no free space around the branch in segment {location.segment}: within its "
+            f"own joint ranges {location}, {-1000 * found.clearance:.1f} mm too close; split the "
+            "segment by another reference point, or move it"
         )
-        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, location)
 
 
 def _require_clearance(
@@ -273,13 +272,13 @@ def _require_clearance(
     worst = int(nearest.clearance.argmin())
     least = min(float(nearest.clearance[worst]), 2 * EXTRA_CLEARANCES[0])
     if least <= 0:
-        place = _place(problem, k, q[worst], clearance.pairs[nearest.pair[worst]])
+        location = _place(problem, k, q[worst], clearance.pairs[nearest.pair[worst]])
         message = (
-            f"the arm collides on the centre line of segment {place.segment}: {place}, "
+            f"the arm collides on the centre line of segment {location.segment}: {location}, "
             f"{-1000 * least:.1f} mm too close; move the reference points or choose another "
             "configuration"
         )
-        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, location)
     return least
 
 
@@ -321,11 +320,11 @@ def _bindings(
 
 def _place(
     problem: PlanningProblem, k: int, q: FloatArray, pair: Any, joint: str | None = None
-) -> Place:
+) -> Location:
     links, obstacle = problem.collision.owners(pair)
     number = problem.tube.segment_number(k)
-    place = Place(joint=joint, segment=number, links=links, obstacle=obstacle)
-    return place.at(problem.robot.tool_position(q[None])[0])
+    location = Location(joint=joint, segment=number, links=links, obstacle=obstacle)
+    return location.at(problem.robot.tool_position(q[None])[0])
 
 
 # ---- The joints whose signs distinguish an arm's configurations: elbows, and joints like them.

@@ -8,7 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError, not_installed
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import Location
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances
 
@@ -44,7 +44,7 @@ class FreeSpace:
         """Return True if a configuration (n,) has the margin."""
         return self.shortfall(q) is None
 
-    def shortfall(self, q: FloatArray) -> Place | None:
+    def shortfall(self, q: FloatArray) -> Location | None:
         """Return the closest links and the tool's position where the margin is missing, or None."""
         rotation, position = self._robot.body_poses(q[None])
         required = self._required(q) + self._margin
@@ -58,7 +58,7 @@ class FreeSpace:
         if short.min(initial=0.0) >= 0:
             return None
         links, obstacle = self._checker.owners(self._pairs[near[short.argmin()]])
-        return Place(links=links, obstacle=obstacle).at(self._robot.tool_position(q[None])[0])
+        return Location(links=links, obstacle=obstacle).at(self._robot.tool_position(q[None])[0])
 
     def clearance(self, q: FloatArray) -> float:
         """Return the least distance beyond the clearance at a configuration (n,) [m]."""

@@ -19,7 +19,7 @@ from tubeplanner.first_guess.branches import (
 )
 from tubeplanner.outcome import (
     Infeasible,
-    Place,
+    Location,
     PlanningClock,
     PlanStatus,
     Progress,
@@ -125,7 +125,7 @@ def measured_tube(
         results = _segments_of_some_branch(widest, options, clock, guide, kept or KeptSegments())
     except Infeasible as reason:
         return TubeMeasurement(
-            reason.status, str(reason), reason.place, measuring_time=clock.elapsed
+            reason.status, str(reason), reason.location, measuring_time=clock.elapsed
         )
     # Of joined segments, each part has the result of all.
     segments = tuple(results[k] for k in np.searchsorted(whole.tube.numbers, tube.numbers[1:]) - 1)
@@ -137,7 +137,9 @@ def measured_tube(
     names = (" and ".join(f"'{name}'" for name in each.links) for each in problem.contacts)
     if pairs := ", ".join(dict.fromkeys(names)):
         message += f"; not measured, since they may be in contact: {pairs}"
-    return TubeMeasurement(PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed)
+    return TubeMeasurement(
+        PlanStatus.SUCCESS, message, Location(), segments, measured, clock.elapsed
+    )
 
 
 def _segments_of_some_branch(
@@ -344,7 +346,7 @@ def _row(
             radii.append(search.allowed.radius + problem.tube.tool_radius)
         except Infeasible as reason:
             if reachable or not why:
-                why = f"{reason.status}: {replace(reason.place, segment=k)}"
+                why = f"{reason.status}: {replace(reason.location, segment=k)}"
         if len(radii) == _FREE_BRANCHES:
             break
     radius = max(radii, default=None)

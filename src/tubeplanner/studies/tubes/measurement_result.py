@@ -10,7 +10,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import require_between, require_count
 from tubeplanner.errors import OptionError
 from tubeplanner.geometry.tube.segment_values import JointRange
-from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.outcome import Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 
@@ -58,18 +58,18 @@ class Binding:
 
     Attributes:
         bound: "radius", or "lower" or "upper" side of the joint's range.
-        place: Links and obstacle that come too close, the joint, and where the tool is then.
+        location: Links and obstacle that come too close, the joint, and where the tool is then.
         configuration: The configuration of the collision, shape (n,) [rad or m].
     """
 
     bound: str
-    place: Place
+    location: Location
     configuration: FloatArray
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""
-        place = self.place.as_dict()
-        return {"bound": self.bound, **place, "configuration": self.configuration.tolist()}
+        location = self.location.as_dict()
+        return {"bound": self.bound, **location, "configuration": self.configuration.tolist()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ class TubeMeasurement:
     Attributes:
         status: Success, or why there is no tube.
         message: One sentence.
-        place: Where, if there is no tube.
+        location: Where, if there is no tube.
         segments: One per segment; empty unless successful.
         problem: The planning problem, with the measured tube; None unless successful.
         measuring_time: Wall time from the loaded problem [s].
@@ -130,7 +130,7 @@ class TubeMeasurement:
 
     status: PlanStatus
     message: str
-    place: Place
+    location: Location
     segments: tuple[SegmentMeasurement, ...] = ()
     problem: PlanningProblem | None = None
     measuring_time: float = 0.0
@@ -147,7 +147,7 @@ class TubeMeasurement:
         return {
             "status": str(self.status),
             "message": self.message,
-            "where": self.place.as_dict(),
+            "where": self.location.as_dict(),
             "measuring_time": self.measuring_time,
             "segments": [segment.as_dict() for segment in self.segments],
         }

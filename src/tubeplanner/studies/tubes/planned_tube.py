@@ -11,7 +11,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.orientation import quaternion_of_matrix
-from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, StoppedBy
+from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, StoppedBy
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.second_stage import followed_plan
@@ -83,14 +83,14 @@ def measured_plan(
             with clock.within(f"tube {parted + 1} of at most {_MAX_PARTINGS + 1}"):
                 measured = measured_tube(whole, options, clock, guide, kept)
                 if measured.problem is None:
-                    raise Infeasible(measured.status, measured.message, measured.place)
+                    raise Infeasible(measured.status, measured.message, measured.location)
                 clock.enter("planning through the measured tube")
                 result = plan_under(clock, measured.problem)
                 if not result.succeeded:
-                    raise Infeasible(result.status, result.message, result.place)
+                    raise Infeasible(result.status, result.message, result.location)
                 return PlannedTube(measured.problem, result)
         except Infeasible as reason:
-            segment = reason.place.segment
+            segment = reason.location.segment
             is_blocked = reason.status is PlanStatus.TUBE_BLOCKED and segment is not None
             if not is_blocked or parted == _MAX_PARTINGS:
                 raise
@@ -155,7 +155,7 @@ def followed(found: PlannedTube, clock: PlanningClock) -> PlannedTube | Infeasib
     """
     result = followed_plan(found.problem, found.result, None, clock)
     if not result.succeeded:
-        return Infeasible(result.status, result.message, result.place)
+        return Infeasible(result.status, result.message, result.location)
     return replace(found, result=result)
 
 
@@ -169,7 +169,7 @@ class TubeAnswer:
     Attributes:
         status: Success means that the trajectory through the tube is certified.
         message: One sentence.
-        place: Location of the failure, if there is no answer.
+        location: Location of the failure, if there is no answer.
         found: The problem with its tube, and its plan; None unless successful.
         measured: The tube in which no collision was found, and its plan: `found`, or a slower plan;
             None if no tube was measured.
@@ -183,7 +183,7 @@ class TubeAnswer:
 
     status: PlanStatus
     message: str
-    place: Place
+    location: Location
     found: PlannedTube | None = None
     measured: PlannedTube | None = None
     notes: tuple[str, ...] = ()
@@ -209,7 +209,7 @@ class TubeAnswer:
             **planned,
             "status": str(self.status),
             "message": self.message,
-            "where": self.place.as_dict(),
+            "where": self.location.as_dict(),
             "notes": [*self.notes, *planned.get("notes", ())],
             "search_time": self.search_time,
             "compared_durations": list(self.compared),
@@ -228,10 +228,10 @@ def answer_of(found: PlannedTube | Infeasible, **more: Any) -> TubeAnswer:
         more: Other fields of the answer.
     """
     if isinstance(found, Infeasible):
-        return TubeAnswer(found.status, str(found), found.place, **more)
+        return TubeAnswer(found.status, str(found), found.location, **more)
     tube = found.problem.tube
     message = f"tube of {len(tube.points)} reference points; {found.result.message}"
-    return TubeAnswer(PlanStatus.SUCCESS, message, Place(), found, **more)
+    return TubeAnswer(PlanStatus.SUCCESS, message, Location(), found, **more)
 
 
 def _tube_fields(found: PlannedTube | None) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from tubeplanner.first_guess.branches import configured_ends
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.outcome import (
     Infeasible,
-    Place,
+    Location,
     PlanningClock,
     PlanStatus,
     Progress,
@@ -144,7 +144,9 @@ def find_route(
     if stopped_by == "interrupt":
         raise KeyboardInterrupt
     late = finder.clock.past_limit
-    return TubeAnswer(PlanStatus.TIME_LIMIT, late, Place(), stopped_by=stopped_by, **finder.facts)
+    return TubeAnswer(
+        PlanStatus.TIME_LIMIT, late, Location(), stopped_by=stopped_by, **finder.facts
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -388,7 +390,7 @@ def _no_route(problem: PlanningProblem, search: RouteSearch, options: RouteOptio
         f"configurations; the last one brought the tool to [{x:.3f}, {y:.3f}, {z:.3f}] m: move "
         "what is in the way, choose another goal configuration, or give it more tries or checks"
     )
-    return Infeasible(PlanStatus.NO_TRAJECTORY, message, Place().at(tool))
+    return Infeasible(PlanStatus.NO_TRAJECTORY, message, Location().at(tool))
 
 
 # ---- Configurations in which the trajectory may end: the given one, or those of a tool position.
@@ -458,5 +460,5 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
             f"no configuration was found for the goal: the tool was brought no nearer than "
             f"{least:.4g} m from {len(seeds)} starts"
         )
-        raise Infeasible(PlanStatus.UNREACHABLE, message, Place().at(target))
+        raise Infeasible(PlanStatus.UNREACHABLE, message, Location().at(target))
     return sorted(solutions, key=lambda q: float(abs(q - start).max()))

@@ -11,7 +11,7 @@ from tubeplanner.certificate.refusal import require_free
 from tubeplanner.checks import given_options, require_between, require_count
 from tubeplanner.errors import OptionError, TrajectoryError, shown
 from tubeplanner.geometry.tube.points import simplified
-from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, ProgressCallback
+from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, ProgressCallback
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.studies.tubes.joint_routes import FreeSpace
 from tubeplanner.studies.tubes.planned_tube import (
@@ -117,19 +117,19 @@ def _corners(
     require_free(problem, "start", trail[0])
     require_free(problem, "goal", trail[-1])
     for q in trail:
-        place = space.shortfall(q)
-        if place is not None:
+        location = space.shortfall(q)
+        if location is not None:
             message = (
-                f"the trail itself has too little clearance: {place}; correct the obstacles or the "
-                "clearance, or list a pair that may touch in collision.ignore"
+                f"the trail itself has too little clearance: {location}; correct the obstacles or "
+                "the clearance, or list a pair that may touch in collision.ignore"
             )
-            raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+            raise Infeasible(PlanStatus.TUBE_BLOCKED, message, location)
     corners = tool_corners(problem.robot, space, trail, deviation)
     if corners is None:
         raise Infeasible(
             PlanStatus.TUBE_BLOCKED,
             "the tool cannot follow the trail in straight lines without a collision",
-            Place(),
+            Location(),
         )
     count = len(corners.parts)
     if count > MAX_CORNER_SEGMENTS:

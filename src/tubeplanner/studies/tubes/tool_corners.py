@@ -143,8 +143,8 @@ class _Corners:
             return None
         count = max(len(route), int(np.ceil(length / _MAX_STEP)) + 1)
         fractions = np.linspace(0, 1, count)
-        places, samples = fractions * (len(route) - 1), np.arange(len(route))
-        guides = np.stack([np.interp(places, samples, q) for q in route.T], axis=1)
+        positions, samples = fractions * (len(route) - 1), np.arange(len(route))
+        guides = np.stack([np.interp(positions, samples, q) for q in route.T], axis=1)
         line, limits = [route[0]], self._robot.limits
         bounds = limits.lower_position, limits.upper_position
         for fraction, guide in zip(fractions[1:], guides[1:], strict=True):
