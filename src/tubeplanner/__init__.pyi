@@ -121,9 +121,9 @@ from .studies.study_run import StudyRow as StudyRow  # returned
 from .studies.placement import place as place
 from .studies.placement import PlaceOptions as PlaceOptions
 from .studies.placement_rows import Placement as Placement  # returned
-from .studies.placement_rows import GivenStand as GivenStand  # returned
+from .studies.placement_rows import GivenPlacement as GivenPlacement  # returned
 from .studies.placement_rows import PlacementRow as PlacementRow  # returned
-from .studies.base_regions import Stand as Stand  # returned
+from .studies.base_regions import BasePlacement as BasePlacement  # returned
 from .studies.comparison import compare as compare
 from .studies.comparison import Comparison as Comparison  # returned
 from .studies.comparison import ComparisonRow as ComparisonRow  # returned

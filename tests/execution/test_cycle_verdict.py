@@ -64,10 +64,10 @@ def test_the_part_stands_where_the_motion_leaves_it(motion):
     before, with_it, after = executed_legs(motion, followed_cycle(motion))
     assert [len(leg.problem.obstacles) for leg in (before, with_it, after)] == [1, 0, 1]
     assert [len(leg.problem.attached) for leg in (before, with_it, after)] == [0, 1, 0]
-    stands = after.problem.obstacles[0].shapes[0].vertices.mean(axis=0)
+    base_placements = after.problem.obstacles[0].shapes[0].vertices.mean(axis=0)
     turned, tool = motion.cycle.robot.tool_pose(SEAMS[1:3])
     in_hand = turned[0].T @ (PLACE - tool[0])
-    np.testing.assert_allclose(stands, tool[1] + turned[1] @ in_hand, atol=1e-9)
+    np.testing.assert_allclose(base_placements, tool[1] + turned[1] @ in_hand, atol=1e-9)
     assert with_it.problem.robot.payload is not None
 
 

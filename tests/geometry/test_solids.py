@@ -188,9 +188,11 @@ def test_a_box_ahead_of_a_turned_tool_is_ahead_of_it_in_its_frame():
 def test_what_is_let_go_elsewhere_stands_where_the_tool_is_then():
     """Taken half a metre ahead of the tool along y, let go half a metre ahead of it along z."""
     up = placement_of([0.0, 0.0, 1.0], rpy=[0, -np.pi / 2, 0])  # its x is up, its z along -x
-    stands = corners(left(taken(KINDS["box"], QUARTER), up))
-    close((stands.min(axis=0) + stands.max(axis=0)) / 2, [0.0, 0.0, 1.5], atol=1e-12)
-    close(np.ptp(stands, axis=0), [0.4, 0.2, 0.1], atol=1e-12)
+    base_placements = corners(left(taken(KINDS["box"], QUARTER), up))
+    close(
+        (base_placements.min(axis=0) + base_placements.max(axis=0)) / 2, [0.0, 0.0, 1.5], atol=1e-12
+    )
+    close(np.ptp(base_placements, axis=0), [0.4, 0.2, 0.1], atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -10,7 +10,7 @@ import tubeplanner as t
 from tubeplanner import ProblemError
 from tubeplanner.errors import MAX_SHOWN, shown, unknown_name
 from tubeplanner.optimizer.stages import Sensitivity
-from tubeplanner.studies.base_regions import Region, Stand
+from tubeplanner.studies.base_regions import BasePlacement, Region
 from tubeplanner.text import MAX_NAME_LENGTH, require_name, short_repr, value_text, without_formulas
 
 # Names that messages, files and figures can hold, and how values are shown in messages.
@@ -152,12 +152,17 @@ def _of_cycles(result):
 
 def _of_places(problem, result):
     """Return a placement and its parts."""
-    stand = Stand(0.1, 0.2, 0.0, 1.0)
-    row = t.PlacementRow(stand, "success", result.message, result.location, result.duration)
-    base, region = t.GivenStand(stand, result, result.message), Region.of((0, 1, 0, 1), 0.0)
+    base_placement = BasePlacement(0.1, 0.2, 0.0, 1.0)
+    row = t.PlacementRow(
+        base_placement, "success", result.message, result.location, result.duration
+    )
+    base, region = (
+        t.GivenPlacement(base_placement, result, result.message),
+        Region.of((0, 1, 0, 1), 0.0),
+    )
     grid = region.grid(100, 0.0)
     placement = t.Placement(problem, region, (), grid, (row,) * 100, base, row, result, {})
-    return [stand, row, base, placement]
+    return [base_placement, row, base, placement]
 
 
 def _of_explanations(problem, result):

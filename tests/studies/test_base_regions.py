@@ -5,12 +5,12 @@ import pytest
 from gantry import FLOOR, POST, gantry
 
 from tubeplanner import (
+    BasePlacement,
     Obstacle,
     OptionError,
     PlanningProblem,
     ProblemError,
     Seed,
-    Stand,
     ToolPose,
     Tube,
     load_problem,
@@ -30,21 +30,21 @@ from tubeplanner.task.endpoints import Endpoint
 
 # The gantry's base is a cube of 0.1 m whose top is at -0.05: it stands on the floor's top.
 ON_FLOOR = ("floor",)
-THERE = Stand(-0.2, -0.3, 0.0, -0.5)
+THERE = BasePlacement(-0.2, -0.3, 0.0, -0.5)
 POINTS = [[0.4, 0.0, 0.0], [0.35, 0.0, 0.0]]
 BELOW = np.array([-0.8, 1.6])  # the elbow is on the right of the way to the tool
 
 
 def test_a_grid_stands_in_the_middles_of_cells_and_turns_all_the_way():
     grid = Region.of([0.0, 1.0, -1.0, 1.0], 0.25).grid(8 * 8, 0.5)
-    stands = np.array(grid.stands)
+    base_placements = np.array(grid.base_placements)
     assert grid.spacing == (0.5, 0.5, 0.0, np.pi / 4)
-    assert len(stands) == len(set(grid.stands)) == 64
-    np.testing.assert_allclose(np.unique(stands[:, 0]), [0.25, 0.75])
-    np.testing.assert_allclose(np.unique(stands[:, 1]), [-0.75, -0.25, 0.25, 0.75])
-    turns = np.sort((stands[:8, 3] - 0.5) % (2 * np.pi) / (np.pi / 4))
+    assert len(base_placements) == len(set(grid.base_placements)) == 64
+    np.testing.assert_allclose(np.unique(base_placements[:, 0]), [0.25, 0.75])
+    np.testing.assert_allclose(np.unique(base_placements[:, 1]), [-0.75, -0.25, 0.25, 0.75])
+    turns = np.sort((base_placements[:8, 3] - 0.5) % (2 * np.pi) / (np.pi / 4))
     np.testing.assert_allclose(turns, np.arange(8), atol=1e-5)
-    assert (abs(stands[:, 3]) <= np.pi).all()
+    assert (abs(base_placements[:, 3]) <= np.pi).all()
 
 
 @pytest.mark.parametrize(
@@ -60,20 +60,22 @@ def test_a_grid_has_about_as_many_stands_as_asked_in_cells_as_square_as_can_be(
     bounds, count, columns
 ):
     region = Region.of(bounds, 0.0)
-    stands = region.grid(count, 0.0).stands
-    assert tuple(len(set(values)) for values in zip(*stands, strict=True)) == columns
-    assert len(stands) == np.prod(columns)
-    assert all(region.holds(stand) for stand in stands)
+    base_placements = region.grid(count, 0.0).base_placements
+    assert tuple(len(set(values)) for values in zip(*base_placements, strict=True)) == columns
+    assert len(base_placements) == np.prod(columns)
+    assert all(region.holds(base_placement) for base_placement in base_placements)
 
 
 def test_the_nearest_stand_is_in_the_region_and_rounded():
     region = Region.of([0.0, 1 / 3, -1.0, 1.0], 0.1)
-    assert region.nearest(Stand(2, -2, 0.3, 4.0)) == Stand(
+    assert region.nearest(BasePlacement(2, -2, 0.3, 4.0)) == BasePlacement(
         1 / 3, -1.0, 0.1, round(4 - 2 * np.pi, 6)
     )
-    assert region.nearest(Stand(0.12345649, 0.0, 0.1, 1.0)) == Stand(0.123456, 0.0, 0.1, 1.0)
-    assert region.holds(region.nearest(Stand(9, 9, 9, 9)))
-    assert not region.holds(Stand(0.1, 0.0, 0.11, 0.0))
+    assert region.nearest(BasePlacement(0.12345649, 0.0, 0.1, 1.0)) == BasePlacement(
+        0.123456, 0.0, 0.1, 1.0
+    )
+    assert region.holds(region.nearest(BasePlacement(9, 9, 9, 9)))
+    assert not region.holds(BasePlacement(0.1, 0.0, 0.11, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -145,7 +147,7 @@ def movable(path, **changes):
 
 def test_joints_become_seeds_and_the_tube_stays(tmp_path):
     problem = movable(gantry(tmp_path), **{"goal": {"joints": {"across": 0.0, "along": 0.5}}})
-    assert problem.given == Stand(0, 0, 0, 0)
+    assert problem.given == BasePlacement(0, 0, 0, 0)
     assert problem.changes(THERE) == {
         "robot.base": {"position": [-0.2, -0.3, 0.0], "rpy": [0.0, 0.0, -0.5]},
         "start": {"seed": [0.0, 0.0]},
@@ -169,7 +171,7 @@ def test_ends_that_are_of_the_tool_stay_as_they_are(tmp_path):
 def test_a_base_keeps_its_roll_and_pitch(tmp_path):
     path = gantry(tmp_path)
     tilted = movable(path, **{"robot.base": {"position": [1, 2, 3], "rpy": [0.1, 0.2, 0.3]}})
-    assert (tilted.given, tilted.tilt) == (Stand(1, 2, 3, 0.3), (0.1, 0.2))
+    assert (tilted.given, tilted.tilt) == (BasePlacement(1, 2, 3, 0.3), (0.1, 0.2))
     turned = movable(path, **{"robot.base": {"quaternion": [0.1, -0.2, 0.3, 0.9]}})
     own = turned.load(turned.given).robot.base.placement
     as_given = turned.spec.changed({"start": {"seed": [0, 0]}}).load().robot.base.placement

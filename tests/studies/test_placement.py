@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 from gantry import BEST_DURATION, BEST_YAW, FLOOR, POST, gantry
 
-from tubeplanner import OptionError, PlaceOptions, ProblemError, Stand, load_problem, place, plan
+from tubeplanner import (
+    BasePlacement,
+    OptionError,
+    PlaceOptions,
+    ProblemError,
+    load_problem,
+    place,
+    plan,
+)
 from tubeplanner.outcome import Location
 from tubeplanner.output.files.problem_file import with_placement
 from tubeplanner.planning.options import PlanOptions
@@ -130,21 +138,24 @@ def grid_alone(monkeypatch):
 
 @pytest.mark.dear("plans at some twenty places, for all tests of this file")
 def test_the_best_angle_is_the_one_that_uses_both_axes_fully(placement, folder):
-    assert placement.best.stand == pytest.approx((-0.3, 0.0, 0.0, BEST_YAW), abs=0.05)
+    assert placement.best.base_placement == pytest.approx((-0.3, 0.0, 0.0, BEST_YAW), abs=0.05)
     assert BEST_DURATION < placement.duration < 1.015 * BEST_DURATION
     feasible = [row.duration for row in placement.rows if row.is_feasible]
     assert placement.duration == min(feasible)
     assert (placement.succeeded, placement.stopped_by) == (True, None)
     # What was tried is the grid, and then downhill.
-    assert {row.stand for row in placement.rows[:8]} == set(placement.grid.stands)
-    assert len({row.stand for row in placement.rows}) == len(placement.rows) > 12
-    assert all(placement.region.holds(row.stand) for row in placement.rows)
+    assert {row.base_placement for row in placement.rows[:8]} == set(placement.grid.base_placements)
+    assert len({row.base_placement for row in placement.rows}) == len(placement.rows) > 12
+    assert all(placement.region.holds(row.base_placement) for row in placement.rows)
     others = [row for row in placement.rows if not row.is_feasible]
     assert {row.status for row in others} == {"unreachable"}
     ((reason, count, _),) = placement.reasons
     assert (reason, count) == ("unreachable: segment 0", len(others))
     given = plan(load_problem(gantry(folder)), PlanOptions(quality="fast", slack=0.0))
-    assert (placement.given.stand, placement.given.duration) == ((0, 0, 0, 0), given.duration)
+    assert (placement.given.base_placement, placement.given.duration) == (
+        (0, 0, 0, 0),
+        given.duration,
+    )
     assert placement.gain == pytest.approx(1 - placement.duration / given.duration)
     unplanned = replace(placement, result=None, best=None)
     text = f"none of the {placement.feasible_count} places that have a mo"
@@ -254,13 +265,13 @@ def test_a_problem_that_cannot_be_posed_as_given_is_placed(folder, grid_alone):
 
 def test_the_given_place_counts_if_it_is_in_the_region(folder, grid_alone):
     base = {"robot.base": {"position": [0.0, 0.0, 0.0], "rpy": [0, 0, -0.9272952]}}
-    given = Stand(0.0, 0.0, 0.0, -0.927295)
+    given = BasePlacement(0.0, 0.0, 0.0, -0.927295)
     inside, outside = (
         placed(gantry(folder), region, changes=base, options=ONE)
         for region in ([-0.3, 0.0, -0.3, 0.0], HERE)
     )
-    assert inside.rows[1].stand == given
-    assert given not in {row.stand for row in outside.rows}
+    assert inside.rows[1].base_placement == given
+    assert given not in {row.base_placement for row in outside.rows}
 
 
 def test_what_cannot_be_searched_is_refused(folder):
@@ -280,13 +291,13 @@ def test_what_cannot_be_searched_is_refused(folder):
 
 def test_the_search_goes_on_from_different_places_first():
     def row(x, yaw, duration):
-        return PlacementRow(Stand(x, 0, 0, yaw), "success", "", duration=duration)
+        return PlacementRow(BasePlacement(x, 0, 0, yaw), "success", "", duration=duration)
 
     one = [row(0, yaw, 1 + yaw / 100) for yaw in range(8)]
     others = [row(x, 0, 1 + x) for x in (3, 2, 1)]
-    none = PlacementRow(Stand(9, 0, 0, 0), "unreachable", "")
+    none = PlacementRow(BasePlacement(9, 0, 0, 0), "unreachable", "")
     starts = _starts([none, *one[::-1], *others])
-    assert [(each.stand.x, each.stand.yaw) for each in starts] == [
+    assert [(each.base_placement.x, each.base_placement.yaw) for each in starts] == [
         *((0, 0), (1, 0), (2, 0), (3, 0)),
         (0, 1),
     ]
@@ -303,7 +314,7 @@ def test_a_start_that_is_blocked_elsewhere_is_reached_in_another_way(tmp_path):
     row = tried((movable, movable.given, (), SEARCH_OPTIONS))
     assert row.is_feasible
     assert row.seeds["start"][1] < 0
-    again = plan(movable.load(row.stand, row.seeds), SEARCH_OPTIONS)
+    again = plan(movable.load(row.base_placement, row.seeds), SEARCH_OPTIONS)
     assert again.duration == row.duration
 
 
@@ -311,17 +322,19 @@ def test_neighbours_are_half_a_cell_away_on_both_sides_and_in_the_region():
     region = Region.of([0.0, 2.0, 0.0, 0.0], 0.0)
     grid = region.grid(32, 0.0)
     turned = round(np.pi / 16, 6)
-    beside = _neighbours(region, grid, Stand(0.5, 0.0, 0.0, 0.0), 0.5)
+    beside = _neighbours(region, grid, BasePlacement(0.5, 0.0, 0.0, 0.0), 0.5)
     assert {each[:2] for each in beside} == {(0.625, 0.0), (0.375, 0.0), (0.5, 0.0)}
     assert sorted(each.yaw for each in beside) == [-turned, 0.0, 0.0, turned]
-    at_the_edge = _neighbours(region, grid, Stand(2.0, 0.0, 0.0, 0.0), 1.0)
+    at_the_edge = _neighbours(region, grid, BasePlacement(2.0, 0.0, 0.0, 0.0), 1.0)
     assert {each.x for each in at_the_edge} == {1.75, 2.0}
     assert len(at_the_edge) == 3
 
 
 def test_the_largest_group_comes_first():
-    rows = [PlacementRow(Stand(x, 0, 0, 0), status, "") for x, status in enumerate("abbcbc")]
+    rows = [
+        PlacementRow(BasePlacement(x, 0, 0, 0), status, "") for x, status in enumerate("abbcbc")
+    ]
     groups = grouped(rows, lambda row: row.status)
     assert [(key, len(found)) for key, found in groups] == [("b", 3), ("c", 2), ("a", 1)]
-    at_a_limit = PlacementRow(Stand(0, 0, 0, 0), "unreachable", "", Location(joint="along"))
+    at_a_limit = PlacementRow(BasePlacement(0, 0, 0, 0), "unreachable", "", Location(joint="along"))
     assert at_a_limit.reason == "unreachable: along"

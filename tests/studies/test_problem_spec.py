@@ -1,4 +1,4 @@
-"""PosedProblem: a document ready to travel; content hashes of problem, files, options, package."""
+"""ProblemSpec: a document ready to travel; content hashes of problem, files, options, package."""
 
 import os
 import pickle

@@ -17,7 +17,7 @@ from tubeplanner.output.figures.figure_files import figure_file, require_figure
 from tubeplanner.output.figures.placement_map import plot_placement
 from tubeplanner.output.files.problem_file import with_placement
 from tubeplanner.resources import find_problem
-from tubeplanner.studies.base_regions import Stand
+from tubeplanner.studies.base_regions import BasePlacement
 from tubeplanner.studies.placement import PlaceOptions
 from tubeplanner.studies.placement import place as search
 from tubeplanner.studies.placement_rows import Placement
@@ -156,9 +156,9 @@ def _write(
 
 def placement_text(found: Placement) -> str:
     """Return counts of the places, reasons of places without motion, the given and best place."""
-    grid = set(found.grid.stands)
-    on_grid = sum(row.stand in grid for row in found.rows)
-    positions = len({stand[:3] for stand in grid})
+    grid = set(found.grid.base_placements)
+    on_grid = sum(row.base_placement in grid for row in found.rows)
+    positions = len({base_placement[:3] for base_placement in grid})
     restored = f"; {found.restored} of them from the journal" if found.restored else ""
     duration = found.given.duration
     outcome = found.given.message if duration is None else f"{duration:.4f} s"
@@ -167,7 +167,7 @@ def placement_text(found: Placement) -> str:
         f"{positions}, angles at each: {len(grid) // positions}){restored}; {found.feasible_count} "
         "have a motion",
         *_reason_lines(found),
-        f"as given: {_pose_words(found.given.stand)}: {outcome}",
+        f"as given: {_pose_words(found.given.base_placement)}: {outcome}",
     ]
     if found.best is None or found.duration is None:
         lines.append(found.message)
@@ -175,7 +175,7 @@ def placement_text(found: Placement) -> str:
         gain, comparison = found.gain, ""
         if gain is not None:
             comparison = f", {abs(gain):.1%} {'less' if gain >= 0 else 'more'} than as given"
-        best = _pose_words(found.best.stand)
+        best = _pose_words(found.best.base_placement)
         lines.append(f"best: {best}: {found.duration:.4f} s{comparison}")
     if found.stopped_by is not None:
         lines.append("interrupted: the best so far")
@@ -199,6 +199,7 @@ def _reason_lines(placement: Placement) -> list[str]:
     return lines
 
 
-def _pose_words(stand: Stand) -> str:
-    x, y, z = (f"{value:.4g}" for value in stand[:3])
-    return f"[{x}, {y}, {z}] m, yaw {stand.yaw:.4g} rad ({degrees(stand.yaw):.1f} deg)"
+def _pose_words(base_placement: BasePlacement) -> str:
+    x, y, z = (f"{value:.4g}" for value in base_placement[:3])
+    yaw = base_placement.yaw
+    return f"[{x}, {y}, {z}] m, yaw {yaw:.4g} rad ({degrees(yaw):.1f} deg)"

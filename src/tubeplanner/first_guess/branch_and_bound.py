@@ -250,8 +250,8 @@ class BranchAndBound:
     def _try_trajectory(self, waypoints: tuple[int, ...]) -> None:
         """Keep a certified trajectory if no earlier trajectory is as fast."""
         q = self._waypoints[list(waypoints)]
-        stands_still = np.ptp(q, axis=0).max() == 0
-        if stands_still or self._begins_like_a_failed_one(waypoints):
+        is_still = np.ptp(q, axis=0).max() == 0
+        if is_still or self._begins_like_a_failed_one(waypoints):
             return
         self._trajectories += 1
         shape = sequential_quartics(self._problem.robot.joint_names, q)

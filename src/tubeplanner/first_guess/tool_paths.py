@@ -198,7 +198,7 @@ def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool)
     moves = length > _STILL
     for k in branch.moving_segments:
         if not moves[k]:
-            raise _stands_still(k)
+            raise _standstill(k)
     if not moves.any():
         message = "the start is the goal: there is nothing to move"
         raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
@@ -328,7 +328,7 @@ class _Follower:
             arc_length = (self._problem.robot.tool_position(q) - self._route[k]) @ direction
             travel = abs(np.diff(q, axis=0)).max(axis=1)
             if ((np.diff(arc_length) < _STILL) & (travel > _TURNED)).any():
-                raise _stands_still(self._number(k))
+                raise _standstill(self._number(k))
             rows.append(np.column_stack([q, begin + np.clip(arc_length, 0.0, end - begin)]))
         table = np.vstack(rows)
         table[:, -1] = np.interp(
@@ -368,7 +368,7 @@ class _Follower:
         return result
 
 
-def _stands_still(segment: int) -> Infeasible:
+def _standstill(segment: int) -> Infeasible:
     return Infeasible(
         PlanStatus.NO_TRAJECTORY,
         f"segment {segment}: joints have to move where the tool stands still, which no scheme that "

@@ -221,7 +221,7 @@ def joint_infos(
     Raises:
         RobotError: A layer is wrong, for example names an unknown joint.
     """
-    all_layers = [_stand_ins(description, group), *layers]
+    all_layers = [_default_layer(description, group), *layers]
     limits = resolve_limits(description, group, all_layers)
     merged = merged_limits(description, group, followers_of(description, group), all_layers)
     motors = _motors(description, group, layers)
@@ -240,7 +240,7 @@ def joint_infos(
     return tuple(infos), limits
 
 
-def _stand_ins(description: UrdfDescription, group: Sequence[str]) -> LimitLayer:
+def _default_layer(description: UrdfDescription, group: Sequence[str]) -> LimitLayer:
     """Return limits for the gaps of a URDF, to be put below all layers."""
     joints = [description.joints[name] for name in group]
     endless: dict[str, dict[str, float]] = {

@@ -27,7 +27,7 @@ _YAWS, _HEIGHTS = 8, 3  # of the grid, at most
 _DIGITS = 6  # of a stand: a micrometre, and the angle of that at a metre's distance
 
 
-class Stand(NamedTuple):
+class BasePlacement(NamedTuple):
     """The base pose of a robot whose roll and pitch are fixed.
 
     Attributes:
@@ -44,15 +44,15 @@ class Stand(NamedTuple):
 
 
 @dataclass(frozen=True)
-class StandGrid:
+class PlacementGrid:
     """Base poses in the middles of equal cells of a region.
 
     Attributes:
-        stands: The base poses.
+        base_placements: The base poses.
         spacing: Sides of a cell: x, y, z [m] and yaw [rad]; 0 where the region has no extent.
     """
 
-    stands: tuple[Stand, ...]
+    base_placements: tuple[BasePlacement, ...]
     spacing: tuple[float, float, float, float]
 
 
@@ -100,18 +100,18 @@ class Region:
         """X0, X1, Y0, Y1, Z0, Z1 [m]."""
         return [value for pair in zip(self.low, self.high, strict=True) for value in pair]
 
-    def holds(self, stand: Stand) -> bool:
+    def holds(self, base_placement: BasePlacement) -> bool:
         """Return True if the base is in the region."""
-        sides = zip(self.low, stand[:3], self.high, strict=True)
+        sides = zip(self.low, base_placement[:3], self.high, strict=True)
         return all(low <= value <= high for low, value, high in sides)
 
-    def nearest(self, stand: Stand) -> Stand:
+    def nearest(self, base_placement: BasePlacement) -> BasePlacement:
         """Return the nearest base pose in the region, rounded, its yaw from -pi to pi."""
-        sides = zip(self.low, stand[:3], self.high, strict=True)
+        sides = zip(self.low, base_placement[:3], self.high, strict=True)
         x, y, z = (min(max(round(value, _DIGITS), low), high) for low, value, high in sides)
-        return Stand(x, y, z, round(remainder(stand.yaw, 2 * pi), _DIGITS))
+        return BasePlacement(x, y, z, round(remainder(base_placement.yaw, 2 * pi), _DIGITS))
 
-    def grid(self, count: int, yaw: float) -> StandGrid:
+    def grid(self, count: int, yaw: float) -> PlacementGrid:
         """Return a grid of about `count` base poses over the region.
 
         Args:
@@ -125,11 +125,11 @@ class Region:
         ]
         step = 2 * pi / counts[3]
         yaws = [yaw + k * step for k in range(counts[3])]
-        stands = tuple(self.nearest(Stand(*each)) for each in product(*axes, yaws))
+        base_placements = tuple(self.nearest(BasePlacement(*each)) for each in product(*axes, yaws))
         x, y, z = (
             (high - low) / n for low, high, n in zip(self.low, self.high, counts, strict=False)
         )
-        return StandGrid(stands, (x, y, z, step))
+        return PlacementGrid(base_placements, (x, y, z, step))
 
     def _counts(self, count: int) -> tuple[int, int, int, int]:
         """Return the numbers along x, y, z and yaw; cells are nearly square."""
@@ -228,7 +228,7 @@ class MovableProblem:
 
     spec: ProblemSpec
     seeds: Mapping[str, Any]
-    given: Stand
+    given: BasePlacement
     tilt: tuple[float, float]
 
     @classmethod
@@ -253,29 +253,34 @@ class MovableProblem:
             elif isinstance(value, dict):
                 seeds[end] = value
         if robot.base is None:
-            return cls(spec, seeds, Stand(0.0, 0.0, 0.0, 0.0), (0.0, 0.0))
+            return cls(spec, seeds, BasePlacement(0.0, 0.0, 0.0, 0.0), (0.0, 0.0))
         roll, pitch, yaw = robot.base.rpy or rpy_of_matrix(robot.base.placement[:3, :3])
-        return cls(spec, seeds, Stand(*robot.base.position, yaw), (roll, pitch))
+        return cls(spec, seeds, BasePlacement(*robot.base.position, yaw), (roll, pitch))
 
     def changes(
-        self, stand: Stand, seeds: Mapping[str, Sequence[float]] | None = None
+        self, base_placement: BasePlacement, seeds: Mapping[str, Sequence[float]] | None = None
     ) -> dict[str, Any]:
         """Return the values of a base pose, by field path.
 
         Args:
-            stand: Base pose.
+            base_placement: Base pose.
             seeds: Seeds in place of the given joints, by end.
         """
-        base = {"position": [stand.x, stand.y, stand.z], "rpy": [*self.tilt, stand.yaw]}
+        base = {
+            "position": [base_placement.x, base_placement.y, base_placement.z],
+            "rpy": [*self.tilt, base_placement.yaw],
+        }
         ends = {**self.seeds, **(seeds or {})}
         return {"robot.base": base, **{end: {"seed": values} for end, values in ends.items()}}
 
-    def at(self, stand: Stand, seeds: Mapping[str, Sequence[float]] | None = None) -> ProblemSpec:
+    def at(
+        self, base_placement: BasePlacement, seeds: Mapping[str, Sequence[float]] | None = None
+    ) -> ProblemSpec:
         """Return the problem with a base pose; arguments as of `changes`."""
-        return self.spec.changed(self.changes(stand, seeds))
+        return self.spec.changed(self.changes(base_placement, seeds))
 
     def load(
-        self, stand: Stand, seeds: Mapping[str, Sequence[float]] | None = None
+        self, base_placement: BasePlacement, seeds: Mapping[str, Sequence[float]] | None = None
     ) -> PlanningProblem:
         """Return the planning problem with a base pose; arguments as of `changes`.
 
@@ -283,7 +288,7 @@ class MovableProblem:
             ProblemError: It contradicts itself with that base pose.
             RobotError: The robot cannot be planned with.
         """
-        loaded = self.at(stand, seeds).load()
+        loaded = self.at(base_placement, seeds).load()
         assert isinstance(loaded, PlanningProblem)
         return loaded
 

@@ -18,14 +18,19 @@ from tubeplanner.outcome import Infeasible, StoppedBy, require_callback
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.strategy import plan
 from tubeplanner.studies.base_regions import (
+    BasePlacement,
     MovableProblem,
+    PlacementGrid,
     Region,
-    Stand,
-    StandGrid,
     require_base_free,
 )
 from tubeplanner.studies.journal import Journal
-from tubeplanner.studies.placement_rows import GivenStand, Placement, PlacementRow, PlacementTrials
+from tubeplanner.studies.placement_rows import (
+    GivenPlacement,
+    Placement,
+    PlacementRow,
+    PlacementTrials,
+)
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.worker_processes import WorkerProcesses
 from tubeplanner.task.problem import PlanningProblem
@@ -146,22 +151,26 @@ def _names(problem: PlanningProblem, stands_on: Sequence[str] | None) -> tuple[s
     return tuple(dict.fromkeys(stands_on or ()))
 
 
-def _given(movable: MovableProblem, stands_on: Sequence[str], options: PlanOptions) -> GivenStand:
+def _given(
+    movable: MovableProblem, stands_on: Sequence[str], options: PlanOptions
+) -> GivenPlacement:
     try:
         problem = movable.spec.load()
         assert isinstance(problem, PlanningProblem)
         require_base_free(problem, stands_on)
     except (ProblemError, Infeasible) as error:
-        return GivenStand(movable.given, None, str(error).removeprefix(f"{movable.spec.name}: "))
+        return GivenPlacement(
+            movable.given, None, str(error).removeprefix(f"{movable.spec.name}: ")
+        )
     result = plan(problem, options)
-    return GivenStand(movable.given, result, result.message)
+    return GivenPlacement(movable.given, result, result.message)
 
 
 def _searched(
     trials: PlacementTrials,
     region: Region,
-    grid: StandGrid,
-    given: Stand,
+    grid: PlacementGrid,
+    given: BasePlacement,
     executor: Executor | None,
     report: Callable[[object], None],
 ) -> StoppedBy | None:
@@ -173,21 +182,23 @@ def _searched(
     Raises:
         KeyboardInterrupt: Ctrl-C before the first base pose was tried.
     """
-    stands = [*grid.stands, *[region.nearest(given)] * region.holds(given)]
+    base_placements = [*grid.base_placements, *[region.nearest(given)] * region.holds(given)]
     try:
         # Inside: Ctrl-C goes through it, which ends the processes.
         with WorkerProcesses() if executor is None else nullcontext(executor) as workers:
 
-            def rows_of(stands: Sequence[Stand], stage: str) -> list[PlacementRow]:
+            def rows_of(base_placements: Sequence[BasePlacement], stage: str) -> list[PlacementRow]:
                 return trials.of(
-                    stands, workers, lambda k, n: report(f"{stage}: {k} of {n} stands")
+                    base_placements, workers, lambda k, n: report(f"{stage}: {k} of {n} stands")
                 )
 
-            starts = _starts(rows_of(stands, "grid"))
+            starts = _starts(rows_of(base_placements, "grid"))
             pattern_search(
-                [(row.stand, _value(row)) for row in starts],
+                [(row.base_placement, _value(row)) for row in starts],
                 partial(_neighbours, region, grid),
-                lambda stands: [_value(row) for row in rows_of(stands, "pattern search")],
+                lambda base_placements: [
+                    _value(row) for row in rows_of(base_placements, "pattern search")
+                ],
                 _HALVINGS,
             )
     except KeyboardInterrupt:
@@ -203,29 +214,33 @@ def _starts(rows: Sequence[PlacementRow]) -> list[PlacementRow]:
     Arms whose first axis is vertical are as good at one position at nearly every angle.
     """
     best = _feasible(rows)
-    first = {row.stand[:3]: row for row in reversed(best)}
-    return sorted(best, key=lambda row: first[row.stand[:3]] is not row)[:_STARTS]
+    first = {row.base_placement[:3]: row for row in reversed(best)}
+    return sorted(best, key=lambda row: first[row.base_placement[:3]] is not row)[:_STARTS]
 
 
-def _neighbours(region: Region, grid: StandGrid, stand: Stand, fraction: float) -> list[Stand]:
+def _neighbours(
+    region: Region, grid: PlacementGrid, base_placement: BasePlacement, fraction: float
+) -> list[BasePlacement]:
     """Return the base poses half a cell of the grid times `fraction` away, in the region."""
     result = []
     for k, side in enumerate(grid.spacing):
         for step in (fraction * side / 2, -fraction * side / 2):
-            neighbour = Stand(*(value + step * (j == k) for j, value in enumerate(stand)))
+            neighbour = BasePlacement(
+                *(value + step * (j == k) for j, value in enumerate(base_placement))
+            )
             result.append(region.nearest(neighbour))
-    return [each for each in dict.fromkeys(result) if each != stand]
+    return [each for each in dict.fromkeys(result) if each != base_placement]
 
 
 def _answered(placement: Placement, movable: MovableProblem, options: PlanOptions) -> Placement:
     """Return a placement with the plan of its best row, or of the next rows if that fails."""
     refusal = ""
     for row in _feasible(placement.rows)[:_STARTS]:
-        problem = movable.load(row.stand, row.seeds)
+        problem = movable.load(row.base_placement, row.seeds)
         result = plan(problem, options)
         refusal = refusal or result.message
         if result.succeeded:
-            changes = movable.changes(row.stand, row.seeds)
+            changes = movable.changes(row.base_placement, row.seeds)
             return replace(placement, problem=problem, best=row, result=result, changes=changes)
     return replace(placement, refusal=refusal)
 

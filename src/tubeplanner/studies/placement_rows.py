@@ -12,10 +12,10 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
 from tubeplanner.studies.base_regions import (
+    BasePlacement,
     MovableProblem,
+    PlacementGrid,
     Region,
-    Stand,
-    StandGrid,
     leading_seeds,
     require_base_free,
 )
@@ -40,7 +40,7 @@ class PlacementRow:
     """One base pose of the robot, and the answer of planning with it.
 
     Attributes:
-        stand: Base pose.
+        base_placement: Base pose.
         status: "base_in_obstacle", or the status of the plan, as of `PlanResult`.
         message: One sentence: the answer, or the reason for its absence.
         location: Location of the failure; empty without one.
@@ -50,7 +50,7 @@ class PlacementRow:
             configuration.
     """
 
-    stand: Stand
+    base_placement: BasePlacement
     status: str
     message: str
     location: Location = field(default_factory=Location)
@@ -87,8 +87,8 @@ class PlacementRow:
     def as_dict(self) -> dict[str, Any]:
         """Return the row as JSON values."""
         return {
-            "position": list(self.stand[:3]),
-            "yaw": self.stand.yaw,
+            "position": list(self.base_placement[:3]),
+            "yaw": self.base_placement.yaw,
             "status": str(self.status),
             "message": self.message,
             "where": self.location.as_dict(),
@@ -113,7 +113,7 @@ class PlacementRow:
         plain = {names.get(key, key): value for key, value in fields.items() if key != "yaw"}
         require_fields(cls, {**plain, "base_placement": [x, y, z, fields["yaw"]]})
         return cls(
-            Stand(x, y, z, fields["yaw"]),
+            BasePlacement(x, y, z, fields["yaw"]),
             fields["status"],
             fields["message"],
             Location(**where),
@@ -122,26 +122,26 @@ class PlacementRow:
         )
 
 
-def tried(call: tuple[MovableProblem, Stand, Sequence[str], PlanOptions]) -> PlacementRow:
+def tried(call: tuple[MovableProblem, BasePlacement, Sequence[str], PlanOptions]) -> PlacementRow:
     """Return the row of a base pose.
 
     Args:
         call: The problem, the base pose, names of obstacles that links which no joint moves may
             touch, and planning options.
     """
-    movable, stand, stands_on, options = call
+    movable, base_placement, stands_on, options = call
     try:
-        problem = movable.load(stand)
+        problem = movable.load(base_placement)
         try:
             require_base_free(problem, stands_on)
         except Infeasible as reason:
-            return PlacementRow(stand, BASE_IN_OBSTACLE, str(reason), reason.location)
+            return PlacementRow(base_placement, BASE_IN_OBSTACLE, str(reason), reason.location)
         seeds = leading_seeds(problem, tuple(movable.seeds))
-        result = plan(movable.load(stand, seeds) if seeds else problem, options)
+        result = plan(movable.load(base_placement, seeds) if seeds else problem, options)
     except TubePlannerError as error:
-        return PlacementRow(stand, str(PlanStatus.BAD_INPUT), str(error))
+        return PlacementRow(base_placement, str(PlanStatus.BAD_INPUT), str(error))
     status, duration = str(result.status), result.shortest_duration
-    return PlacementRow(stand, status, result.message, result.location, duration, seeds)
+    return PlacementRow(base_placement, status, result.message, result.location, duration, seeds)
 
 
 def grouped(
@@ -158,16 +158,16 @@ def grouped(
 
 
 @dataclass(frozen=True, eq=False)
-class GivenStand:
+class GivenPlacement:
     """The plan of the problem as given.
 
     Attributes:
-        stand: Base pose.
+        base_placement: Base pose.
         result: Result of planning; None where the problem is invalid or its base is in an obstacle.
         message: One sentence: the answer, or the reason for its absence.
     """
 
-    stand: Stand
+    base_placement: BasePlacement
     result: PlanResult | None
     message: str
 
@@ -202,9 +202,9 @@ class Placement:
     problem: PlanningProblem
     region: Region
     stands_on: tuple[str, ...]
-    grid: StandGrid
+    grid: PlacementGrid
     rows: tuple[PlacementRow, ...]
-    given: GivenStand
+    given: GivenPlacement
     best: PlacementRow | None
     result: PlanResult | None
     changes: Mapping[str, Any]
@@ -213,7 +213,9 @@ class Placement:
     refusal: str = ""
 
     def __repr__(self) -> str:
-        answer = "no stand has a motion" if self.best is None else f"best {self.best.stand}"
+        answer = (
+            "no stand has a motion" if self.best is None else f"best {self.best.base_placement}"
+        )
         return f"<Placement of {self.problem.name}: {len(self.rows)} stands tried, {answer}>"
 
     @property
@@ -263,8 +265,8 @@ class Placement:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the placement as JSON values."""
-        given = {**_location_of(self.given.stand), "duration": self.given.duration}
-        best = None if self.best is None else _location_of(self.best.stand)
+        given = {**_location_of(self.given.base_placement), "duration": self.given.duration}
+        best = None if self.best is None else _location_of(self.best.base_placement)
         keys = "reason", "count", "example"
         return {
             "problem": self.problem.name,
@@ -285,8 +287,8 @@ class Placement:
         }
 
 
-def _location_of(stand: Stand) -> dict[str, Any]:
-    return {"position": list(stand[:3]), "yaw": stand.yaw}
+def _location_of(base_placement: BasePlacement) -> dict[str, Any]:
+    return {"position": list(base_placement[:3]), "yaw": base_placement.yaw}
 
 
 # ---- Trials: base poses tried side by side, each once.
@@ -314,58 +316,70 @@ class PlacementTrials:
         """
         self._problem, self._stands_on = problem, tuple(sorted(stands_on))
         self._journal = journal
-        self._rows: dict[Stand, PlacementRow] = {}
-        self._order: dict[Stand, int] = {}  # of requests
+        self._rows: dict[BasePlacement, PlacementRow] = {}
+        self._order: dict[BasePlacement, int] = {}  # of requests
         self.restored = 0
 
     @property
     def rows(self) -> tuple[PlacementRow, ...]:
         """All rows, in the order of requests."""
-        return tuple(sorted(self._rows.values(), key=lambda row: self._order[row.stand]))
+        return tuple(sorted(self._rows.values(), key=lambda row: self._order[row.base_placement]))
 
     def of(
-        self, stands: Sequence[Stand], executor: Executor, report: Callable[[int, int], None]
+        self,
+        base_placements: Sequence[BasePlacement],
+        executor: Executor,
+        report: Callable[[int, int], None],
     ) -> list[PlacementRow]:
         """Return the rows of base poses, in their order; new base poses are tried.
 
         Args:
-            stands: Base poses.
+            base_placements: Base poses.
             executor: Executor of the plans.
             report: Called with the numbers of finished and of all new base poses.
         """
-        new = [stand for stand in dict.fromkeys(stands) if stand not in self._rows]
-        self._order.update({stand: len(self._order) + k for k, stand in enumerate(new)})
-        missing = [stand for stand in new if not self._restored(stand)]
-        calls = [(self._problem, stand, self._stands_on, SEARCH_OPTIONS) for stand in missing]
+        new = [
+            base_placement
+            for base_placement in dict.fromkeys(base_placements)
+            if base_placement not in self._rows
+        ]
+        self._order.update(
+            {base_placement: len(self._order) + k for k, base_placement in enumerate(new)}
+        )
+        missing = [base_placement for base_placement in new if not self._restored(base_placement)]
+        calls = [
+            (self._problem, base_placement, self._stands_on, SEARCH_OPTIONS)
+            for base_placement in missing
+        ]
         report(0, len(missing))
         for count, done in enumerate(run_many(tried, calls, executor), start=1):
             self._keep(missing[done.index], done)
             report(count, len(missing))
-        return [self._rows[stand] for stand in stands]
+        return [self._rows[base_placement] for base_placement in base_placements]
 
-    def _restored(self, stand: Stand) -> bool:
+    def _restored(self, base_placement: BasePlacement) -> bool:
         """Take the row of a base pose from the journal; return True if there is a row."""
         if self._journal is None:
             return False
-        key = self._key(stand)
+        key = self._key(base_placement)
         if key not in self._journal:
             return False
-        self._rows[stand] = self._journal.made(key, PlacementRow.of_dict)
+        self._rows[base_placement] = self._journal.made(key, PlacementRow.of_dict)
         self.restored += 1
         return True
 
-    def _keep(self, stand: Stand, done: Done[PlacementRow]) -> None:
+    def _keep(self, base_placement: BasePlacement, done: Done[PlacementRow]) -> None:
         row = done.value
         if row is None:
             message = f"{type(done.error).__name__}: {done.error}"
-            row = PlacementRow(stand, str(PlanStatus.CRASHED), message)
-        self._rows[stand] = row
+            row = PlacementRow(base_placement, str(PlanStatus.CRASHED), message)
+        self._rows[base_placement] = row
         if self._journal is not None:
-            base = self._problem.changes(stand)["robot.base"]
+            base = self._problem.changes(base_placement)["robot.base"]
             values = {f"robot.base.{key}": value for key, value in base.items()}
-            self._journal.add(self._key(stand), values, row.as_dict())
+            self._journal.add(self._key(base_placement), values, row.as_dict())
 
-    def _key(self, stand: Stand) -> str:
+    def _key(self, base_placement: BasePlacement) -> str:
         """Return a hash of all inputs of a row: the plan's, and `stands_on`."""
-        planned = self._problem.at(stand).content_hash(SEARCH_OPTIONS)
+        planned = self._problem.at(base_placement).content_hash(SEARCH_OPTIONS)
         return f"{planned} standing on {', '.join(self._stands_on) or 'nothing'}"

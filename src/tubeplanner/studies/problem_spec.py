@@ -1,4 +1,4 @@
-"""PosedProblem: a document ready to travel; content hashes of problem, files, options, package.
+"""ProblemSpec: a document ready to travel; content hashes of problem, files, options, package.
 
 A file's name, its folder and its date do not count. An unreadable file counts by its error: the
 plan reports it.

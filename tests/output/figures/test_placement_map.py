@@ -8,10 +8,10 @@ from gantry import FLOOR, POST, gantry
 from matplotlib.collections import PatchCollection
 from matplotlib.patches import Rectangle
 
-from tubeplanner import Stand, load_problem, plot_placement
+from tubeplanner import BasePlacement, load_problem, plot_placement
 from tubeplanner.outcome import Location
 from tubeplanner.studies.base_regions import Region
-from tubeplanner.studies.placement_rows import GivenStand, Placement, PlacementRow
+from tubeplanner.studies.placement_rows import GivenPlacement, Placement, PlacementRow
 
 GRID = Region.of([-1.0, 1.0, -1.0, 1.0], 0.0).grid(32, 0.0)  # two columns of two, eight angles
 CORNERS = [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)]
@@ -22,15 +22,15 @@ def placement(tmp_path_factory):
     """A placement of which every cell has something else to say."""
     folder = tmp_path_factory.mktemp("gantry")
     problem = load_problem(gantry(folder, [FLOOR, POST]))
-    statuses = dict.fromkeys(GRID.stands, ("base_in_obstacle", None))
-    first, second, third, _ = ([s for s in GRID.stands if s[:2] == at] for at in CORNERS)
-    for stand, duration in zip(first, (0.9, 0.7, 0.8), strict=False):
-        statuses[stand] = ("success", duration)
+    statuses = dict.fromkeys(GRID.base_placements, ("base_in_obstacle", None))
+    first, second, third, _ = ([s for s in GRID.base_placements if s[:2] == at] for at in CORNERS)
+    for base_placement, duration in zip(first, (0.9, 0.7, 0.8), strict=False):
+        statuses[base_placement] = ("success", duration)
     statuses |= {second[3]: ("unreachable", None), second[5]: ("tube_blocked", None)}
     statuses[third[0]] = ("unreachable", None)
     rows = [PlacementRow(s, status, "", Location(), d) for s, (status, d) in statuses.items()]
-    rows.append(PlacementRow(Stand(-0.4, 0.25, 0.0, 0.5), "success", "", Location(), 0.65))
-    given = GivenStand(Stand(0.0, 0.0, 0.0, 0.0), None, "unreachable")
+    rows.append(PlacementRow(BasePlacement(-0.4, 0.25, 0.0, 0.5), "success", "", Location(), 0.65))
+    given = GivenPlacement(BasePlacement(0.0, 0.0, 0.0, 0.0), None, "unreachable")
     region = Region.of([-1.0, 1.0, -1.0, 1.0], 0.0)
     return Placement(problem, region, ("floor",), GRID, tuple(rows), given, rows[-1], None, {})
 

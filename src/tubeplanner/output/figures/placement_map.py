@@ -12,7 +12,7 @@ from tubeplanner.outcome import PlanStatus
 from tubeplanner.output.drawing import OBSTACLE_COLOR, SPEED_COLORS, WARNING_COLOR, shape_points
 from tubeplanner.output.figures.figure_files import new_figure, saved
 from tubeplanner.output.figures.sweep_figures import StatusMark, status_mark, status_words
-from tubeplanner.studies.base_regions import Stand
+from tubeplanner.studies.base_regions import BasePlacement
 from tubeplanner.studies.placement_rows import (
     BASE_IN_OBSTACLE,
     KINDS,
@@ -48,9 +48,13 @@ def plot_placement(result: Placement, path: str | Path | None = None) -> "Figure
         OutputError: The file could not be written.
     """
     # The map has the region, the path and the robot in it, but not the floor.
-    region, stands = result.region, [result.given.stand]
-    stands += [] if result.best is None else [result.best.stand]
-    corners = [region.low[:2], region.high[:2], *(stand[:2] for stand in stands)]
+    region, base_placements = result.region, [result.given.base_placement]
+    base_placements += [] if result.best is None else [result.best.base_placement]
+    corners = [
+        region.low[:2],
+        region.high[:2],
+        *(base_placement[:2] for base_placement in base_placements),
+    ]
     shown = np.vstack([np.array(corners), result.problem.tube.points[:, :2]])
     low, high = shown.min(axis=0), shown.max(axis=0)
     margin = _MARGIN * max(float((high - low).max()), 1e-3)
@@ -66,15 +70,19 @@ def plot_placement(result: Placement, path: str | Path | None = None) -> "Figure
     line: dict[str, Any] = {"color": _PATH, "linewidth": 2.2, "zorder": 4}
     axis.plot(*points.T, label="reference path of the tool", **line)
     axis.plot(*points[0], "o", markersize=6, **line)
-    grid = set(result.grid.stands)
-    dots = np.array([row.stand[:2] for row in result.rows if row.stand not in grid])
+    grid = set(result.grid.base_placements)
+    dots = np.array(
+        [row.base_placement[:2] for row in result.rows if row.base_placement not in grid]
+    )
     if len(dots):
         edge: dict[str, Any] = {"markeredgecolor": "#333333", "markeredgewidth": 0.4}
         options = {"color": "#FFFFFF", "markersize": 2.6, "zorder": 5, **edge}
         axis.plot(*dots.T, "o", label="pattern search", **options)
-    _draw_stand(axis, result.given.stand, _ARROW * size, _GIVEN, _label("as given", result.given))
+    _draw_base(
+        axis, result.given.base_placement, _ARROW * size, _GIVEN, _label("as given", result.given)
+    )
     if result.best is not None:
-        _draw_stand(axis, result.best.stand, _ARROW * size, _BEST, _label("best", result))
+        _draw_base(axis, result.best.base_placement, _ARROW * size, _BEST, _label("best", result))
     axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]")
     axis.set_aspect("equal")
     figure.legend(fontsize=8, ncols=3, loc="outside lower center")
@@ -91,15 +99,17 @@ def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.patches import Rectangle
 
-    grid, rows_by_stand = result.grid, {row.stand: row for row in result.rows}
+    grid, rows_by_base = result.grid, {row.base_placement: row for row in result.rows}
     width, depth = (side or narrow for side in grid.spacing[:2])
     columns: dict[tuple[float, float], list[PlacementRow]] = {}
-    for stand in grid.stands:
-        if stand in rows_by_stand:
-            columns.setdefault((stand.x, stand.y), []).append(rows_by_stand[stand])
+    for base_placement in grid.base_placements:
+        if base_placement in rows_by_base:
+            columns.setdefault((base_placement.x, base_placement.y), []).append(
+                rows_by_base[base_placement]
+            )
 
     def cell(row: PlacementRow, **style: Any) -> Rectangle:
-        corner = (row.stand.x - width / 2, row.stand.y - depth / 2)
+        corner = (row.base_placement.x - width / 2, row.base_placement.y - depth / 2)
         return Rectangle(corner, width, depth, **style)
 
     # The row whose planning came farthest, of equal rows the shortest.
@@ -160,10 +170,15 @@ def _outline(shape: ConvexShape) -> FloatArray:
     return np.vstack([corners, corners[:1]])
 
 
-def _draw_stand(axis: "Axes", stand: Stand, length: float, color: str, label: str) -> None:
+def _draw_base(
+    axis: "Axes", base_placement: BasePlacement, length: float, color: str, label: str
+) -> None:
     """Draw the base position of a robot, and its yaw as an arrow."""
-    ahead = stand.x + length * np.cos(stand.yaw), stand.y + length * np.sin(stand.yaw)
+    ahead = (
+        base_placement.x + length * np.cos(base_placement.yaw),
+        base_placement.y + length * np.sin(base_placement.yaw),
+    )
     arrow = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
-    axis.annotate("", ahead, (stand.x, stand.y), arrowprops=arrow, zorder=7)
+    axis.annotate("", ahead, (base_placement.x, base_placement.y), arrowprops=arrow, zorder=7)
     options: dict[str, Any] = {"color": color, "markeredgecolor": "white", "markersize": 8}
-    axis.plot(stand.x, stand.y, "o", label=label, zorder=8, **options)
+    axis.plot(base_placement.x, base_placement.y, "o", label=label, zorder=8, **options)

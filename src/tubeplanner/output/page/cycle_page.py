@@ -290,8 +290,8 @@ class _Drawing:
         self._tubes = [joined(tube_surfaces(move.tube)) for move in self._moves]
         fixed = [points for body, points in hulls if body == 0]
         surfaces = [*self._swept, *self._tubes]
-        stands = [part.seen_at(step) for each in parts for part in each for step in (0, -1)]
-        self.points = [*(surface.vertices for surface in surfaces), *fixed, *stands]
+        at_rest = [part.seen_at(step) for each in parts for part in each for step in (0, -1)]
+        self.points = [*(surface.vertices for surface in surfaces), *fixed, *at_rest]
         lines = [move.tube.points for move in self._moves]
         self.direction = direction_of(trajectories[0], lines, self._standing, hulls)
         size = float(np.ptp(np.vstack(self.points), axis=0).max())
