@@ -55,7 +55,7 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "rigid_body_majorant": [
         ("inertia.mass * gravity", "0.0"),
         (" + _product(arm, force)", ""),
-        ("moments[i] if robot.is_revolute[i] else forces[i]", "moments[i]"),
+        ("moments[i] if robot.body_is_revolute[i] else forces[i]", "moments[i]"),
     ],
     "_motions": [("parent.origin + link", "link")],
     "joint_bounds": [("comb(degree, k) * ", "")],

@@ -11,12 +11,32 @@ Names are loaded on first use, so that `import tubeplanner` stays quick; `__init
 Data flows one way, through folders whose order `[tool.importlinter]` in `pyproject.toml` has.
 """
 
+from typing import Any
+
 import lazy_loader
+
+from tubeplanner.errors import warn_of_former_name
 
 __version__ = "0.1.0"
 
-__getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_present, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ = sorted([*__all__, "__version__"])
+
+_FORMER_NAMES = {
+    "Blame": "ErrorContribution",
+    "GivenStand": "GivenPlacement",
+    "Place": "Location",
+    "PosedProblem": "ProblemSpec",
+    "Room": "Headroom",
+    "Stand": "BasePlacement",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Return a public object, loaded on first use; a former name warns."""
+    if name in _FORMER_NAMES:
+        warn_of_former_name(f"tubeplanner.{name}", _FORMER_NAMES[name])
+    return _present(_FORMER_NAMES.get(name, name))
 
 
 def __dir__() -> list[str]:

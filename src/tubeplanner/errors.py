@@ -1,14 +1,15 @@
-"""Exceptions for bad input, one family; wrong values in messages; missing libraries. No NumPy.
+"""Exceptions for bad input, one family; wrong values in messages; former names. No NumPy.
 
 Bad input raises. An impossible task is not an error: `plan` returns a result whose status, message
-and place say why.
+and location say why.
 """
 
 import copy
 import difflib
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 # ---- Exceptions for bad input: one family.
 
@@ -111,3 +112,32 @@ def not_installed(extra: str, what: str, library: str) -> str:
     else:
         remedy = f"pip install '{REQUIREMENTS[extra]}'"
     return f"{what} takes {library}, which is not installed: {remedy}"
+
+
+# ---- Former public names: read as the present ones, with one DeprecationWarning each.
+
+_warned: set[str] = set()
+
+
+class FormerName:
+    """A former name of an attribute: its value is that of the present name."""
+
+    def __init__(self, name: str) -> None:
+        """Take the present name of the attribute."""
+        self._name = name
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._former = f"{owner.__name__}.{name}"
+
+    def __get__(self, instance: object, owner: type | None = None) -> Any:
+        if instance is None:
+            return self
+        warn_of_former_name(self._former, self._name)
+        return getattr(instance, self._name)
+
+
+def warn_of_former_name(former: str, name: str) -> None:
+    """Warn of a former name at its first use in a process."""
+    if former not in _warned:
+        _warned.add(former)
+        warnings.warn(f"{former} is called {name} now", DeprecationWarning, stacklevel=3)

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
-from tubeplanner.errors import OptionError, ProblemError, shown
+from tubeplanner.errors import FormerName, OptionError, ProblemError, shown
 
 if TYPE_CHECKING:
     from tubeplanner.arrays import FloatArray
@@ -101,6 +101,8 @@ class ContradictionError(ProblemError):
         proved: True if it is proved that there is no motion; None: bad input alone.
         configuration: Of the arm at the location, shape (n,) [rad or m]; None: there is none.
     """
+
+    place = FormerName("location")
 
     def __init__(
         self,

@@ -1,11 +1,13 @@
-"""Exceptions for bad input, one family; wrong values in messages; missing libraries. No NumPy."""
+"""Exceptions for bad input, one family; wrong values in messages; former names. No NumPy."""
 
 import pickle
 import tomllib
+import warnings
 from pathlib import Path
 
 import pytest
 
+import tubeplanner
 from tubeplanner import errors as extras
 from tubeplanner.errors import (
     REQUIREMENTS,
@@ -60,3 +62,37 @@ def test_elsewhere_the_library_itself_is_installed(monkeypatch, tmp_path):
     monkeypatch.setattr(extras, "__file__", str(tmp_path / "lib" / "tubeplanner" / "extras.py"))
     message = "executing takes MuJoCo 3, which is not installed: pip install 'mujoco>=3.2.7'"
     assert not_installed("simulate", "executing", "MuJoCo 3") == message
+
+
+@pytest.mark.parametrize("former", tubeplanner._FORMER_NAMES)
+def test_a_former_public_name_warns_once(former):
+    present = tubeplanner._FORMER_NAMES[former]
+    extras._warned.discard(f"tubeplanner.{former}")
+    with pytest.warns(DeprecationWarning, match=f"tubeplanner.{former} is called {present} now"):
+        assert getattr(tubeplanner, former) is getattr(tubeplanner, present)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert getattr(tubeplanner, former) is getattr(tubeplanner, present)
+
+
+def former_attributes():
+    """The classes with former names of attributes, each with its former and its present name."""
+    classes = [getattr(tubeplanner, name) for name in tubeplanner.__all__]
+    for owner in {base for each in classes if isinstance(each, type) for base in each.__mro__}:
+        for former, value in vars(owner).items():
+            if isinstance(value, extras.FormerName):
+                yield owner, former, value._name
+
+
+def test_former_names_of_attributes_have_the_values_of_the_present_ones():
+    table = list(former_attributes())
+    assert len(table) > 10
+    for owner, former, name in table:
+        extras._warned.discard(f"{owner.__name__}.{former}")
+        fields = getattr(owner, "__dataclass_fields__", {})
+        assert name in fields or hasattr(owner, name), (owner, name)
+        instance = owner.__new__(owner)
+        if name in fields:
+            object.__setattr__(instance, name, 5)
+            with pytest.warns(DeprecationWarning, match=f"{former} is called {name} now"):
+                assert getattr(instance, former) == 5

@@ -17,7 +17,7 @@ from tubeplanner.certificate.judged_motion import (
 )
 from tubeplanner.certificate.verification import Certificate, verify
 from tubeplanner.checks import given_options
-from tubeplanner.errors import ProblemError, TrajectoryError, shown
+from tubeplanner.errors import FormerName, ProblemError, TrajectoryError, shown
 from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
@@ -42,6 +42,9 @@ class CycleCertificate:
     junctions: Mapping[str, Mapping[str, JudgedCondition]]
     refused: Mapping[str, str]
     tolerance: Tolerance
+
+    place = FormerName("location")
+    seams = FormerName("junctions")
 
     def __repr__(self) -> str:
         failed = self.failures()

@@ -269,7 +269,7 @@ def rigid_body_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray
     fraction = abs(robot.body_rules[0])  # of a body's effort that its joint takes
     for i in range(1, robot.body_count):
         joint, axis = robot.body_joints[i], bodies[robot.body_parents[i]].unit
-        load = moments[i] if robot.is_revolute[i] else forces[i]
+        load = moments[i] if robot.body_is_revolute[i] else forces[i]
         efforts[:, :, joint] += fraction[i] * _product(axis, load)
     return efforts
 
@@ -295,7 +295,7 @@ def _motions(robot: RobotModel, joints: FloatArray) -> list[_BodyMotion]:
         link, spin = robot.body_offsets[i] * parent.unit, parent.spin
         value = abs(multiplier[i]) * joints[:, :, joint]
         value[0] += abs(offset[i])
-        if robot.is_revolute[i]:
+        if robot.body_is_revolute[i]:
             spin = spin + _product(parent.unit, derivative(value))
         else:
             link = link + _product(parent.unit, value)

@@ -219,7 +219,7 @@ def _kinematic_model(robot: RobotModel, step: float) -> Any:
         )
         added.mass, added.inertia, added.explicitinertial = 1.0, np.ones(3), True
         added.ipos, added.iquat = _OBLIQUE
-        kind = "mjJNT_HINGE" if robot.is_revolute[body] else "mjJNT_SLIDE"
+        kind = "mjJNT_HINGE" if robot.body_is_revolute[body] else "mjJNT_SLIDE"
         joint = added.add_joint(
             name=robot.joint_names[robot.body_joints[body]],
             type=getattr(mujoco.mjtJoint, kind),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import FormerName
 from tubeplanner.execution.excursions import (
     Extreme,
     additional_distances,
@@ -292,6 +293,8 @@ class RunVerdict:
     broken: Mapping[str, int]
     velocity: float | None
     tracking: float
+
+    share = FormerName("fraction")
 
     @property
     def fraction(self) -> tuple[float, float]:

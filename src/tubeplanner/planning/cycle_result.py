@@ -6,6 +6,7 @@ from typing import Any
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.cycle_verification import CycleCertificate
+from tubeplanner.errors import FormerName
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.outcome import Location, PlanStatus, StoppedBy
 from tubeplanner.planning.result import PlanResult
@@ -104,6 +105,8 @@ class CycleResult:
     notes: tuple[str, ...] = ()
     proved: bool | None = None
     starts_tried: int | None = None
+
+    place = FormerName("location")
 
     def __repr__(self) -> str:
         return f"<CycleResult {self.status.value} by {self.method}: {self.message[:200]}>"

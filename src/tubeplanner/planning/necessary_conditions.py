@@ -45,7 +45,7 @@ def reach_bound(robot: RobotModel) -> ReachBound:
     ends = np.stack([limits.lower_position, limits.upper_position]) + tolerance
     tool = robot.link_body[robot.tool_frame]
     chain = [body for body in range(1, robot.body_count) if robot.carries[tool, body - 1]]
-    sliding = robot.body_joints[chain][~robot.is_revolute[chain]]  # or what these follow
+    sliding = robot.body_joints[chain][~robot.body_is_revolute[chain]]  # or what these follow
     if not chain or not np.isfinite(ends[:, sliding]).all():
         return ReachBound(np.zeros(3), np.inf)
     ends = np.where(np.isfinite(ends), ends, 0.0)

@@ -11,6 +11,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.refusal import refusal
 from tubeplanner.certificate.verification import Certificate
 from tubeplanner.certificate.verification import quick_certificate as verify
+from tubeplanner.errors import FormerName
 from tubeplanner.first_guess.branch_and_bound import SearchStatistics
 from tubeplanner.first_guess.suh_bishop import PhaseTwoStatistics
 from tubeplanner.limits.peaks import TrajectoryPeaks, peaks_as_dict, trajectory_peaks
@@ -93,6 +94,8 @@ class PlanResult:
     configuration: FloatArray | None = None
     _path_minimum: Callable[[], float | None] = _no_trajectory
     _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
+
+    place = FormerName("location")
 
     def __repr__(self) -> str:
         return f"<PlanResult {self.status.value} by {self.method}: {self.message[:_MAX_MESSAGE]}>"

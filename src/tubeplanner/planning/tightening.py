@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import FormerName
 from tubeplanner.execution.error_contributions import ErrorContribution
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.geometry.tube.tube import Tube, narrowed_tube
@@ -189,6 +190,9 @@ class Survival:
     contribution: ErrorContribution | None = None
 
     __repr__ = short_repr
+
+    blame = FormerName("contribution")
+    kept_back = FormerName("tightening")
 
     @property
     def added(self) -> float:

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from tubeplanner.errors import RobotError, shown, unknown_name
+from tubeplanner.errors import FormerName, RobotError, shown, unknown_name
 from tubeplanner.robot.overrides import (
     MOTOR_QUANTITIES,
     PER_JOINT,
@@ -47,6 +47,8 @@ class LimitLayer:
     source: str = "problem file"
 
     __repr__ = short_repr
+
+    called = FormerName("label")
 
 
 @dataclass(frozen=True)

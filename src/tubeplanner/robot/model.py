@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
-from tubeplanner.errors import RobotError, shown
+from tubeplanner.errors import FormerName, RobotError, shown
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.resources import PackageDirs
 from tubeplanner.robot.joint_limits import JointLimits
@@ -136,6 +136,8 @@ class RobotModel:
         link_body: Body of every link of the URDF, by name.
         link_placement: Pose of every link in its body's frame, by name, shape (4, 4).
     """
+
+    body_turns = FormerName("body_is_revolute")
 
     def __init__(
         self,
@@ -323,7 +325,7 @@ class RobotModel:
             return native_point_jacobians(table, self.joint_count, poses, body, point)
         axis = np.einsum("njab,jb->nja", rotation[:, 1:], self.chain.axes)
         by_turning = cross_product(axis, point[:, None] - position[:, 1:])
-        columns: FloatArray = np.where(self.is_revolute[1:, None], by_turning, axis)
+        columns: FloatArray = np.where(self.body_is_revolute[1:, None], by_turning, axis)
         columns = columns * self.carries[body][:, :, None]
         return self._joints.collected(columns.transpose(0, 2, 1))
 
@@ -432,7 +434,7 @@ class RobotModel:
         return np.append(1.0, joints.multiplier), np.append(0.0, joints.offset)
 
     @cached_property
-    def is_revolute(self) -> BoolArray:
+    def body_is_revolute(self) -> BoolArray:
         """True if a body turns about its parent, False if it slides, shape (bodies,)."""
         return np.append(False, self._joints.is_revolute)
 

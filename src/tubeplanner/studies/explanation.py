@@ -16,7 +16,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import given_options, require_between, require_executor
-from tubeplanner.errors import ProblemError
+from tubeplanner.errors import FormerName, ProblemError
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.outcome import (
     ContradictionError,
@@ -149,6 +149,11 @@ class Explanation:
     stopped_by: StoppedBy | None = None
 
     __repr__ = short_repr
+
+    in_vain = FormerName("ineffective")
+    place = FormerName("location")
+    rooms = FormerName("headrooms")
+    unposed = FormerName("invalid")
 
     @property
     def succeeded(self) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from tubeplanner.errors import TubePlannerError
+from tubeplanner.errors import FormerName, TubePlannerError
 from tubeplanner.outcome import Infeasible, Location, PlanStatus, StoppedBy
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
@@ -58,6 +58,9 @@ class PlacementRow:
     seeds: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     __repr__ = short_repr
+
+    place = FormerName("location")
+    stand = FormerName("base_placement")
 
     @property
     def is_feasible(self) -> bool:
@@ -172,6 +175,8 @@ class GivenPlacement:
     message: str
 
     __repr__ = short_repr
+
+    stand = FormerName("base_placement")
 
     @property
     def duration(self) -> float | None:

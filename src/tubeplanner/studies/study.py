@@ -9,7 +9,7 @@ from typing import Any, TypeAlias, overload
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import in_figures
-from tubeplanner.errors import ProblemError, shown
+from tubeplanner.errors import FormerName, ProblemError, shown
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.task.field_changes import factor_of
@@ -273,6 +273,8 @@ class Study:
     files: Sequence[Path] = ()
 
     __repr__ = short_repr
+
+    posed = FormerName("spec")
 
     def __post_init__(self) -> None:
         if not self.axes:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import ProblemError, RobotError, shown
+from tubeplanner.errors import FormerName, ProblemError, RobotError, shown
 from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, left, taken
 from tubeplanner.robot.model import RobotModel
@@ -126,6 +126,9 @@ class Cycle:
     notes: tuple[str, ...] = ()
     legs: tuple[Leg, ...] = field(init=False)
     after: Stop = field(init=False)
+
+    called = FormerName("label")
+    rest_at = FormerName("stop_at")
 
     def __post_init__(self) -> None:
         require_parts(self, "closed", "self_collision", "name")

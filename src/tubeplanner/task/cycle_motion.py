@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import TrajectoryError
+from tubeplanner.errors import FormerName, TrajectoryError
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory
@@ -49,6 +49,8 @@ class CycleMotion:
     cycle: Cycle
     trajectory: JointTrajectory
     marks: tuple[Mark, ...]
+
+    seams = FormerName("junctions")
 
     def __post_init__(self) -> None:
         reordered = self.trajectory.reordered(self.cycle.robot.joint_names)

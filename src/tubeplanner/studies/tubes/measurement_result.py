@@ -8,7 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import require_between, require_count
-from tubeplanner.errors import OptionError
+from tubeplanner.errors import FormerName, OptionError
 from tubeplanner.geometry.tube.segment_values import JointRange
 from tubeplanner.outcome import Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
@@ -136,6 +136,8 @@ class TubeMeasurement:
     measuring_time: float = 0.0
 
     __repr__ = short_repr
+
+    place = FormerName("location")
 
     @property
     def succeeded(self) -> bool:

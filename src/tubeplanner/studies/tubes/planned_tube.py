@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import FormerName
 from tubeplanner.orientation import quaternion_of_matrix
 from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, StoppedBy
 from tubeplanner.planning.options import PlanOptions
@@ -193,6 +194,8 @@ class TubeAnswer:
     recorded_duration: float | None = None
 
     __repr__ = short_repr
+
+    place = FormerName("location")
 
     @property
     def succeeded(self) -> bool:
