@@ -90,7 +90,7 @@ def test_a_refused_move_fails_and_says_why(sound):
         "refused": "start: no place",
         "conditions": {},
     }
-    assert repr(found) == "<CycleCertificate fails on: start: 3 moves, 1 seams>"
+    assert repr(found) == "<CycleCertificate fails on: start: 3 moves, 1 junctions>"
 
 
 def test_it_is_written_as_json(sound):
@@ -104,7 +104,7 @@ def test_it_is_written_as_json(sound):
     assert set(junction["dwell"]) == {"margin", "unit", "satisfied", "where", "coverage"}
     assert junction["dwell"]["margin"] == pytest.approx(0.0, abs=1e-12)
     assert junction["dwell"]["where"]["time"] == 2.0
-    assert repr(sound) == "<CycleCertificate passed: 3 moves, 5 seams>"
+    assert repr(sound) == "<CycleCertificate passed: 3 moves, 5 junctions>"
 
 
 # A sound motion passes, and every defect fails in its own place alone.

@@ -50,12 +50,12 @@ class CycleCertificate:
         failed = self.failures()
         return (
             f"<CycleCertificate {'fails ' + ', '.join(failed) if failed else 'passed'}: "
-            f"{len(self.moves)} moves, {len(self.junctions)} seams>"
+            f"{len(self.moves)} moves, {len(self.junctions)} junctions>"
         )
 
     @property
     def passed(self) -> bool:
-        """True if every condition of every move and seam holds."""
+        """True if every condition of every move and junction holds."""
         return not self.failures()
 
     def failures(self) -> list[str]:
@@ -163,7 +163,7 @@ def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance)
 def _judged_junctions(
     cycle: Cycle, motion: CycleMotion
 ) -> Iterator[tuple[str, Mapping[str, JudgedCondition]]]:
-    """Yield name and conditions of every seam."""
+    """Yield name and conditions of every junction."""
     names = ["start", *(leg.name for leg in cycle.legs), "end"]
     times = [0.0, *(time for leg in motion.leg_times for time in leg), motion.trajectory.duration]
     for k, name in enumerate(pairwise(names)):
@@ -183,7 +183,7 @@ def _judged_junctions(
 
 
 def _judged_stay(motion: CycleMotion, junction: int, begin: float, end: float) -> JudgedCondition:
-    """Judge the travel of joints at a seam, between two times [s], where none may move."""
+    """Judge the travel of joints at a junction, between two times [s], where none may move."""
     legs = motion.legs
     stops = [leg.position(leg.duration) for leg in legs[:junction][-1:]]
     starts = [leg.position(0.0) for leg in legs[junction : junction + 1]]
@@ -202,7 +202,7 @@ def _judged_stay(motion: CycleMotion, junction: int, begin: float, end: float) -
 
 
 def _judged_dwell(motion: CycleMotion, junction: int) -> JudgedCondition:
-    """Judge the time that the arm rests at a seam, against the dwell of each event."""
+    """Judge the time that the arm rests at a junction, against the dwell of each event."""
     cycle = motion.cycle
     first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:junction])
     spans = motion.step_times[first:]

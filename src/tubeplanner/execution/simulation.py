@@ -285,7 +285,7 @@ class _Arm:
 
 
 def _arms(motion: CycleMotion) -> Iterator[_Arm]:
-    """Yield the arm at every seam, before its steps and after each step."""
+    """Yield the arm at every junction, before its steps and after each step."""
     payloads: Mapping[str, Payload] = {}
     times = iter([mark.time for mark in motion.marks if mark.kind != MOVE])
     for junction, begin in enumerate([0.0, *(end for _, end in motion.leg_times)]):

@@ -93,8 +93,8 @@ def _touching(solid: AttachedSolid, robot: RobotModel, q: FloatArray) -> tuple[s
 class Cycle:
     """Moves of an arm in order, with events, attaching and detaching at rest between them.
 
-    A leg is a run of moves without a stop. Legs begin and end at seams: the first seam is before
-    leg 0, the last after the last leg.
+    A leg is a run of moves without a stop. Legs begin and end at junctions: the first junction is
+    before leg 0, the last after the last leg.
 
     Attributes:
         start: Start of the first move, as of a `PlanningProblem`.
@@ -171,7 +171,7 @@ class Cycle:
         """Return the cell of every leg whose start is known.
 
         Args:
-            junctions: Configurations (n,) of the first seams, at least one.
+            junctions: Configurations (n,) of the first junctions, at least one.
         """
         cell, cells = Cell(tuple(self.obstacles), tuple(self.attached)), []
         for leg, q in zip(self.legs, junctions, strict=False):
@@ -188,8 +188,8 @@ class Cycle:
 
         Args:
             k: Index of the leg.
-            junctions: Configurations (n,) of all seams up to the start of the leg, or to its end if
-                that is known.
+            junctions: Configurations (n,) of all junctions up to the start of the leg, or to its
+                end if that is known.
             goal: Goal in place of the move's; None: the move's.
 
         Raises:
@@ -202,7 +202,7 @@ class Cycle:
         """Return the planning problems of all legs.
 
         Args:
-            junctions: Configurations (n,) of all seams, one more than legs.
+            junctions: Configurations (n,) of all junctions, one more than legs.
 
         Raises:
             ProblemError: As `problem`.
@@ -241,7 +241,7 @@ class Cycle:
         return f"move {before + 1} of {count}, {names}"
 
     def stop_at(self, junction: int) -> Stop:
-        """Return the rest at a seam."""
+        """Return the stop at a junction."""
         return self.after if junction == len(self.legs) else self.legs[junction].before
 
     def _problem(

@@ -19,7 +19,7 @@ StopStep: TypeAlias = Event | Attach | Detach
 
 @dataclass(frozen=True, eq=False)
 class Stop:
-    """Steps while the arm is at rest at a seam, between legs.
+    """Steps while the arm is at rest at a junction, between legs.
 
     Attributes:
         steps: Events, attaching and detaching, in order.
