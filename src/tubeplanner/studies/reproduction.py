@@ -79,7 +79,7 @@ TABLE_TWO = MappingProxyType(
             1.00,
             _phases((0.44, 0.40), (0.44, 0.39), (0.44, 0.39)),
             "the goal is printed as (0.6, 0.3), out of reach at 0.67 m; the conventional time "
-            "belongs to 0.3 m, so the goal is taken as (0.6, 0)",
+            "is for 0.3 m, so the goal is taken as (0.6, 0)",
         ),
         3: PrintedExample(1.93, _phases((1.04, 0.92), (0.95, 0.83), (0.95, 0.80)), _OTHER_SUM),
         4: PrintedExample(1.93, _phases((0.91, 0.80), (0.91, 0.77), (0.88, 0.72)), _OTHER_SUM),
@@ -97,8 +97,9 @@ TABLE_THREE = PrintedLine(
     shown=(0.005, 0.010, 0.050),
     remark=(
         "The end points are lost with figure 8(a). Two lines fit the bang-bang time of 0.72 s: "
-        "that of example 1 and the chord from (0, 0.6) to (0.6, 0) m. Example 1's is taken, though "
-        "Table II prints 0.90, 0.75 and 0.73 s for it where this table has 1.00, 0.84 and 0.83 s."
+        "that of example 1, and the chord from (0, 0.6) to (0.6, 0) m. Example 1's line is "
+        "taken. For that line, Table II prints 0.90, 0.75 and 0.73 s where this table has 1.00, "
+        "0.84 and 0.83 s."
     ),
 )
 
@@ -115,9 +116,9 @@ TABLE_FOUR = PrintedLine(
     shown=(0.005, 0.030, 0.070),
     remark=(
         "The end points are lost with figure 9(a). Example 3's line fits the bang-bang time of "
-        "0.70 s, but the arm of Table I needs 0.617 s even without a tube and with its elbow on "
-        "the better side: the printed 0.62 s at 70 mm and 0.42 s without a tube belong to another "
-        "line or arm."
+        "0.70 s. But the arm of Table I needs 0.617 s even without a tube and with its elbow on "
+        "the better side. So the printed 0.62 s at 70 mm and 0.42 s without a tube belong to "
+        "another line or arm."
     ),
 )
 
@@ -283,32 +284,42 @@ def _path(example: int) -> ReproducedPath:
 _INTRODUCTION = """\
 # Suh & Bishop (1988), from our code
 
-"Collision-avoidance trajectory planning using tube concept: analysis and simulation", J. Robotic
-Systems 5(6), 497-525. The two-link arm of its Table I, horizontal plane, motors of 95 and 27 N m,
-elbow kept on one side. The paper does not say where the masses are: with each at the end of its
-link, ours match its bang-bang times. Durations are in seconds.
+This page puts the tables and figures of the paper beside ours: "Collision-avoidance trajectory
+planning using tube concept: analysis and simulation", J. Robotic Systems 5(6), 497-525.
+`tubeplanner reproduce` makes it. Durations are in seconds.
+
+The arm is the two-link arm of the paper's Table I: horizontal plane, motors of 95 and 27 N m, elbow
+kept on one side. The paper does not say where the masses are. With each mass at the end of its
+link, our bang-bang times match the printed ones.
 
 The paper plans in two phases. Phase 1 takes points of the reference path as knots of a joint
 polynomial and finds the fastest choice by branch and bound. Phase 2 moves the knots within the tube
 and doubles their number.
 
-**Published** is `--method suh-bishop`, the algorithm as printed; what the paper leaves open (the
-increments, the line search, when to stop) is ours. **Default** is `refinement`. Both are certified.
-**Ratio** is our value divided by the printed one. `tubeplanner reproduce` made this page.
+- **Published** is `--method suh-bishop`, the algorithm as printed. The paper does not give the
+  increments, the line search and the rule for the end; these are ours.
+- **Default** is `refinement`.
+- **Ratio** is our value divided by the printed one.
+
+All trajectories of both methods are certified.
 """
 
 _NOT_MONOTONE = """\
-- Where a wider tube gives a slower published trajectory, its search ended in another local optimum:
-the
-  narrower tube's trajectory stays in the wider one too.
+- A wider tube may give a slower published trajectory. Its search then ended in another local
+  optimum: the trajectory of the narrower tube lies in the wider tube too.
 """
 
 _SCHEMES = f"""\
-The schemes that the paper compares with. Conventional: straight lines with stops at trapezoidal
-speed, by the constants of Table I or as fast as the limits allow. Bang-bang: the least time on the
-lines, if motors switch instantly; smoothed until the acceleration is continuous. Arc corners and
-Taylor's bounded deviation cut corners, within {1000 * PATH_RADIUS:.0f} mm. All but the smoothed
-ones have accelerations that jump.
+The paper compares with these schemes:
+
+- **Conventional**: straight lines with stops at trapezoidal speed, by the constants of Table I or
+  as fast as the limits allow.
+- **Bang-bang**: the least time on the lines if motors switch instantly. The smoothed form has a
+  continuous acceleration.
+- **Arc corners** and Taylor's **bounded deviation** cut corners, within
+  {1000 * PATH_RADIUS:.0f} mm.
+
+The acceleration of all but the smoothed schemes jumps.
 """
 
 # The quantities with a ratio, and their columns in Table II.
@@ -427,7 +438,7 @@ def _line_itself(reproduction: Reproduction, table: PrintedLine) -> str:
     return (
         f"Bang-bang on the line itself takes {_seconds(bang_bang)} s (printed: "
         f"{table.bang_bang:.2f} s), smoothed {_seconds(smoothed)} s (printed: {table.smoothed:.2f} "
-        "s, of which 26 % are an estimate of what smoothness costs)."
+        "s, with 26 % as an estimate of the cost of smoothness)."
     )
 
 
@@ -438,8 +449,8 @@ def _figure_seven(reproduction: Reproduction) -> str:
     )
     radii = ", ".join(f"{1000 * radius:.0f}" for radius in FIGURE_SEVEN)
     return (
-        f"Figure 7 is captioned example 2 and shows example 1. As published, at {radii} mm, ours "
-        f"and, in brackets, printed: {summary} s."
+        f"The caption of figure 7 says example 2, but the figure shows example 1. Our published "
+        f"durations at {radii} mm, with the printed ones in brackets: {summary} s."
     )
 
 
