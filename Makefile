@@ -19,7 +19,7 @@ CHEAP := -m "not slow and not dear"
 NOTEBOOKS := $(patsubst notebooks/%.py,output/notebooks/%.html,$(shell ls -r notebooks/*.py))
 
 .PHONY: demo test quick test-slow test-all test-processors test-pure study trajectories
-.PHONY: lint style types layers notebooks docs gallery wheel clean
+.PHONY: lint style types layers notebooks docs docs-tables gallery wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
@@ -80,6 +80,10 @@ $(NOTEBOOKS): output/notebooks/%.html: notebooks/%.py FORCE
 	OPENBLAS_NUM_THREADS=1 $(BIN)/jupyter-nbconvert --log-level ERROR --execute --to html $(@:.html=.ipynb)
 
 FORCE:
+
+# Tables of fields, commands and names in the pages, from the sources; a test compares them.
+docs-tables: $(VENV)/.installed-test
+	$(BIN)/python docs/tables.py
 
 # Pages in output/docs; a name or a link that leads nowhere ends the build.
 docs: $(VENV)/.installed-docs

@@ -8,14 +8,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 import tubeplanner
-from further_fields import further_fields
-from gallery import gallery
-from problem_fields import problem_fields
-from public_sections import public_sections
-from reading_order import reading_order
-from tubeplanner.studies.study_file import study_schema
-from tubeplanner.task.cycle_file import cycle_schema
-from tubeplanner.task.problem_format import problem_schema
+from public_sections import public_directives
 
 project = "tubeplanner"
 author = "The tubeplanner authors"
@@ -26,7 +19,6 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
-    "sphinx_click",
     "public_names",
 ]
 default_role = "literal"
@@ -45,6 +37,7 @@ html_static_path = ["static"]
 html_css_files = ["style.css"]
 
 myst_heading_anchors = 3
+toc_object_entries = False
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
@@ -55,29 +48,29 @@ napoleon_use_ivar = True
 python_maximum_signature_line_length = 88
 
 
-# Each is made once, for the page that asks: the import graph and the reference take seconds.
-_GENERATED = {
-    "{{ problem_fields }}": lambda: problem_fields(problem_schema()),
-    "{{ cycle_fields }}": lambda: further_fields("Cycle", cycle_schema(), problem_schema()),
-    "{{ study_fields }}": lambda: further_fields("Study", study_schema(), problem_schema()),
-    "{{ gallery }}": gallery,
-    "{{ public_sections }}": public_sections,
-    "{{ reading_order }}": reading_order,
-}
-
-
 # On a code host a link to a Python name leads to its row; here, to its full reference.
 _NAME_LINK = re.compile(r"\]\([\w./]*api\.md#(tubeplanner\.\w+)\)")
+_PUBLIC_NAMES = re.compile(r"<!-- begin public_names.*<!-- end -->", re.S)
+_GROUP = re.compile(r"^## (.+)\n((?:.|\n(?!## ))*)", re.M)
+_PAGE_LINK = re.compile(r"\]\((\w[\w./]*)\.md\)")
 
 
-def _write_generated(app: object, page: str, source: list[str]) -> None:
-    """Put generated parts where a page asks for them; lead links of names to their reference."""
-    source[0] = _NAME_LINK.sub(r"](#\1)", source[0])
-    for mark, generated in _GENERATED.items():
-        if mark in source[0]:
-            source[0] = source[0].replace(mark, generated())
+def _adapt(app: object, page: str, source: list[str]) -> None:
+    """Give a page what only the built pages can have: navigation, and the reference of names."""
+    text = _NAME_LINK.sub(r"](#\1)", source[0])
+    if page == "reference/api":
+        text = _PUBLIC_NAMES.sub(lambda _: public_directives(), text)
+    if page == "index":
+        text += "".join(_toctree(*group) for group in _GROUP.findall(text))
+    source[0] = text
+
+
+def _toctree(title: str, group: str) -> str:
+    """Return the navigation of a group of pages: those that the index lists."""
+    pages = "\n".join(_PAGE_LINK.findall(group))
+    return f"\n```{{toctree}}\n:hidden:\n:caption: {title}\n\n{pages}\n```\n" if pages else ""
 
 
 def setup(app: Any) -> None:
     """Connect to Sphinx."""
-    app.connect("source-read", _write_generated)
+    app.connect("source-read", _adapt)

@@ -111,9 +111,9 @@ PICTURES = {
 
 def gallery() -> str:
     """Return the gallery as Markdown: each picture, what is seen in it and what makes it."""
-    return "\n".join(
+    return "\n\n".join(
         f"## {name}\n\n{picture.seen}\n\n```sh\n{picture.commands}\n```\n\n"
-        f"```{{image}} {name}.png\n:alt: {picture.seen}\n```\n"
+        f"![{picture.seen}]({name}.png)"
         for name, picture in PICTURES.items()
     )
 

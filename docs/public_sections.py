@@ -1,26 +1,53 @@
-"""The public names as the reference lists them: the sections of the package's stub."""
+"""The public names by the sections of the package's stub, for the page of the Python interface."""
 
 import re
 from enum import Enum
-from inspect import isclass
+from inspect import getdoc, isclass
 from pathlib import Path
 
 import tubeplanner
 
 _SECTION = re.compile(r"^# (.+)\n((?:# .+\n)*)((?:from .+\n)+)", re.M)
-_IMPORT = re.compile(r" as (\w+)(  # returned)?$", re.M)
+_IMPORT = re.compile(r"^from \.([\w.]+) import \w+ as (\w+)(  # returned)?$", re.M)
+_SOURCES = "../../src/tubeplanner"
+_PACKAGE = Path(tubeplanner.__file__).parent
 
 
-def public_sections() -> str:
-    """Return the sections of the package's stub as Markdown, with directives for autodoc."""
-    stub = Path(tubeplanner.__file__).with_suffix(".pyi").read_text()
-    return "\n\n".join(_section(*section) for section in _SECTION.findall(stub))
+def public_table() -> str:
+    """Return a table for each section: the names, with links to the source, and a sentence each."""
+    return "\n\n".join(_names(*section) for section in _sections())
 
 
-def _section(title: str, prose: str, imports: str) -> str:
-    directives = [_directive(name, bool(returned)) for name, returned in _IMPORT.findall(imports)]
-    heading = [f"## {title}", "", prose.replace("# ", "")]
-    return "\n".join([*heading, "```{eval-rst}", *directives, "```"])
+def public_directives() -> str:
+    """Return the same sections with autodoc directives: the whole reference, for the built page."""
+    module = "```{eval-rst}\n.. py:currentmodule:: tubeplanner\n```"
+    version = "```{eval-rst}\n.. autodata:: __version__\n```"
+    return "\n\n".join([module, *(_directives(*section) for section in _sections()), version])
+
+
+def _sections() -> list[tuple[str, str, str]]:
+    """Return title, prose and imports of each section of the stub."""
+    return _SECTION.findall((_PACKAGE / "__init__.pyi").read_text(encoding="utf-8"))
+
+
+def _names(title: str, prose: str, imports: str) -> str:
+    rows = [_row(module, name) for module, name, _ in _IMPORT.findall(imports)]
+    return "\n".join([*_heading(title, prose), "| name | what it is |", "|---|---|", *rows])
+
+
+def _row(module: str, name: str) -> str:
+    sentence = (getdoc(getattr(tubeplanner, name)) or "").split("\n")[0].replace("|", "\\|")
+    source = f"{_SOURCES}/{module.replace('.', '/')}.py"
+    return f'| <a id="tubeplanner.{name}"></a>[`{name}`]({source}) | {sentence} |'
+
+
+def _directives(title: str, prose: str, imports: str) -> str:
+    lines = [_directive(name, bool(returned)) for _, name, returned in _IMPORT.findall(imports)]
+    return "\n".join([*_heading(title, prose), "```{eval-rst}", *lines, "```"])
+
+
+def _heading(title: str, prose: str) -> list[str]:
+    return [f"## {title}", "", *([prose.replace("# ", "")] if prose else [])]
 
 
 def _directive(name: str, returned: bool) -> str:
