@@ -10,12 +10,16 @@ import tubeplanner
 _SECTION = re.compile(r"^# (.+)\n((?:# .+\n)*)((?:from .+\n)+)", re.M)
 _IMPORT = re.compile(r"^from \.([\w.]+) import \w+ as (\w+)(  # returned)?$", re.M)
 _SOURCES = "../../src/tubeplanner"
+_BUILT = (
+    "Names link to their source. `make docs` writes this page with arguments, attributes and "
+    "methods to `output/docs/reference/api.html`."
+)
 _PACKAGE = Path(tubeplanner.__file__).parent
 
 
 def public_table() -> str:
     """Return a table for each section: the names, with links to the source, and a sentence each."""
-    return "\n\n".join(_names(*section) for section in _sections())
+    return "\n\n".join([_BUILT, *(_names(*section) for section in _sections())])
 
 
 def public_directives() -> str:

@@ -395,6 +395,23 @@ def test_every_link_of_a_page_has_a_text_and_leads_somewhere(page):
         assert not anchor or anchor in anchors(other.read_text()), target
 
 
+PAGES_OF_PATHS = (
+    *(page for page in PAGES if page.startswith("docs/development/")),
+    *("CONTRIBUTING.md", "tests/README.md", "benchmarks/README.md"),
+)
+
+
+@pytest.mark.parametrize("page", PAGES_OF_PATHS)
+def test_a_path_on_a_page_for_contributors_is_there(page):
+    """Paths begin at the root, in `src`, at the package or at the page."""
+    written = r"<!-- begin modules.*<!-- end -->"
+    text = re.sub(rf"^```.*?^```$|{written}", "", (ROOT / page).read_text(), flags=re.M | re.S)
+    paths = re.findall(r"(?<![\w/.])((?:[a-z_]+/)+(?:[a-z_0-9]+(?:\.\w+)?)?)(?=[`\s])", text)
+    begins = (ROOT, ROOT / "src", ROOT / "src" / "tubeplanner", (ROOT / page).parent)
+    for path in set(paths) - {"output/wheel", "output/mutants"}:
+        assert any((begin / path).exists() for begin in begins), path
+
+
 def test_the_index_has_a_line_for_every_page():
     listed = re.findall(r"^- \[[^]]+\]\((.+)\.md\): \S.*\.$", PAGES["docs/index.md"], re.M)
     pages = [page.removeprefix("docs/").removesuffix(".md") for page in PAGES]
