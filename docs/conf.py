@@ -8,7 +8,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 import tubeplanner
-from public_sections import public_directives
+from public_names import public_directives
 
 project = "tubeplanner"
 author = "The tubeplanner authors"
@@ -19,7 +19,7 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
-    "public_names",
+    "sphinx_types",
 ]
 default_role = "literal"
 nitpicky = True

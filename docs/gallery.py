@@ -48,7 +48,7 @@ PICTURES = {
     ),
     "compared": Picture(
         "tubeplanner compare example:two_link/paper_5_50mm --quality fast --plot compared.png",
-        "Solid bars are certified, hatched bars fail the named condition; grey: the fastest motion.",
+        "Solid bars are certified; hatched bars fail the named condition; grey: the fastest one.",
     ),
     "executed": Picture(
         "tubeplanner plan example:ur10/onto_a_conveyor -o t.json\n"

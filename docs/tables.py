@@ -10,7 +10,7 @@ from pathlib import Path
 from command_tables import command_list, command_options
 from field_tables import further_fields, problem_fields
 from gallery import gallery
-from public_sections import public_table
+from public_names import public_table
 from reading_order import reading_order
 from tubeplanner.studies.study_file import study_schema
 from tubeplanner.task.cycle_file import cycle_schema

@@ -303,7 +303,7 @@ def test_a_table_of_options_has_names_defaults_and_bounds(tables):
 
 
 def test_every_public_name_is_documented_once(tables):
-    from public_sections import public_directives
+    from public_names import public_directives
 
     documented = re.findall(r"^\.\. auto\w+:: (\w+)", public_directives(), re.M)
     assert sorted(documented) == tubeplanner.__all__
