@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
+DOCS = Path(__file__).parent.resolve()
+sys.path.insert(0, str(DOCS))
 
 import tubeplanner
 from public_names import public_directives
@@ -50,6 +51,7 @@ python_maximum_signature_line_length = 88
 
 # On a code host a link to a Python name leads to its row; here, to its full reference.
 _NAME_LINK = re.compile(r"\]\([\w./]*api\.md#(tubeplanner\.\w+)\)")
+_MARKDOWN_LINK = re.compile(r"\[([^]]+)\]\(([\w./]+\.md)(?:#[^)]*)?\)")
 _PUBLIC_NAMES = re.compile(r"<!-- begin public_names.*<!-- end -->", re.S)
 _GROUP = re.compile(r"^## (.+)\n((?:.|\n(?!## ))*)", re.M)
 _PAGE_LINK = re.compile(r"\]\((\w[\w./]*)\.md\)")
@@ -57,7 +59,14 @@ _PAGE_LINK = re.compile(r"\]\((\w[\w./]*)\.md\)")
 
 def _adapt(app: object, page: str, source: list[str]) -> None:
     """Give a page what only the built pages can have: navigation, and the reference of names."""
-    text = _NAME_LINK.sub(r"](#\1)", source[0])
+    folder = (DOCS / page).parent
+
+    def linked(match: re.Match[str]) -> str:
+        """Keep the text alone of a link that leaves these pages: only a code host has its end."""
+        is_inside = (folder / match[2]).resolve().is_relative_to(DOCS)
+        return match[0] if is_inside else match[1]
+
+    text = _NAME_LINK.sub(r"](#\1)", _MARKDOWN_LINK.sub(linked, source[0]))
     if page == "reference/api":
         text = _PUBLIC_NAMES.sub(lambda _: public_directives(), text)
     if page == "index":
