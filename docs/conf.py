@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-DOCS = Path(__file__).parent.resolve()
-sys.path.insert(0, str(DOCS))
+sys.path.insert(0, str(Path(__file__).parent))
 
 import tubeplanner
 from public_names import public_directives
 
+DOCS = Path(__file__).parent.resolve()
 project = "tubeplanner"
 author = "The tubeplanner authors"
 copyright = author
