@@ -27,7 +27,7 @@ def problem_fields(schema: dict[str, Any]) -> str:
 
 
 def further_fields(schema: dict[str, Any], problem: dict[str, Any]) -> str:
-    """Return the same of the sections of another file that a problem file does not have.
+    """Return the same for another file, of the sections that a problem file does not have.
 
     Args:
         schema: The JSON schema of the file.
