@@ -19,7 +19,7 @@ CHEAP := -m "not slow and not dear"
 NOTEBOOKS := $(patsubst notebooks/%.py,output/notebooks/%.html,$(shell ls -r notebooks/*.py))
 
 .PHONY: demo test quick test-slow test-all test-processors test-pure study trajectories
-.PHONY: lint style types layers notebooks docs docs-tables gallery wheel clean
+.PHONY: lint style types layers notebooks docs gallery wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
@@ -82,6 +82,7 @@ $(NOTEBOOKS): output/notebooks/%.html: notebooks/%.py FORCE
 FORCE:
 
 # Tables of fields, commands and names in the pages, from the sources; a test compares them.
+.PHONY: docs-tables
 docs-tables: $(VENV)/.installed-test
 	$(BIN)/python docs/tables.py
 

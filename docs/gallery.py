@@ -29,9 +29,9 @@ class Picture(NamedTuple):
     """A picture of the gallery.
 
     Attributes:
-        commands: Commands, one a line; the last one writes NAME.png, or NAME.html.
-        seen: A sentence on the picture.
-        instant: Time at which a page is shown [s]; None for a figure.
+        commands: What makes it, one a line; the last one writes NAME.png, or NAME.html.
+        seen: What is to be seen in it.
+        instant: Of a page: at what time it is shown [s]; None: the picture is no page's.
         problem: The page here whose first problem file the commands take as problem.yaml.
     """
 
@@ -71,7 +71,7 @@ PICTURES = {
     ),
     "motor_curves": Picture(
         "python docs/gallery_figures.py motor_curves motor_curves.png",
-        "Efforts over velocities stay inside the curves of the motors; friction takes a part.",
+        "Efforts over velocities stay inside what each motor has; friction takes its share.",
     ),
     "convergence": Picture(
         "python docs/gallery_figures.py convergence convergence.png",
@@ -110,7 +110,7 @@ PICTURES = {
 
 
 def gallery() -> str:
-    """Return a heading, a sentence, the commands and the picture of each, as Markdown."""
+    """Return the gallery as Markdown: each picture, what is seen in it and what makes it."""
     return "\n\n".join(
         f"## {name}\n\n{picture.seen}\n\n```sh\n{picture.commands}\n```\n\n"
         f"![{picture.seen}]({name}.png)"
