@@ -413,7 +413,7 @@ def test_a_path_on_a_page_for_contributors_is_there(page):
 
 
 def test_the_index_has_a_line_for_every_page():
-    listed = re.findall(r"^- \[[^]]+\]\((.+)\.md\): \S.*\.$", PAGES["docs/index.md"], re.M)
+    listed = re.findall(r"^- \[[^]]+\]\(([^.)]+)\.md\): \S.*\.$", PAGES["docs/index.md"], re.M)
     pages = [page.removeprefix("docs/").removesuffix(".md") for page in PAGES]
     assert sorted([*listed, "index"]) == sorted(pages)
 
