@@ -81,6 +81,11 @@ $(NOTEBOOKS): output/notebooks/%.html: notebooks/%.py FORCE
 
 FORCE:
 
+# Tables of fields, commands and names in the pages, from the sources; a test compares them.
+.PHONY: docs-tables
+docs-tables: $(VENV)/.installed-test
+	$(BIN)/python docs/tables.py
+
 # Pages in output/docs; a name or a link that leads nowhere ends the build.
 docs: $(VENV)/.installed-docs
 	rm -rf output/docs

@@ -1,5 +1,6 @@
 """How Sphinx builds these pages: `make docs`."""
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -7,15 +8,9 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 import tubeplanner
-from further_fields import further_fields
-from gallery import gallery
-from problem_fields import problem_fields
-from public_sections import public_sections
-from reading_order import reading_order
-from tubeplanner.studies.study_file import study_schema
-from tubeplanner.task.cycle_file import cycle_schema
-from tubeplanner.task.problem_format import problem_schema
+from public_names import public_directives
 
+DOCS = Path(__file__).parent.resolve()
 project = "tubeplanner"
 author = "The tubeplanner authors"
 copyright = author
@@ -25,8 +20,7 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
-    "sphinx_click",
-    "public_names",
+    "sphinx_types",
 ]
 default_role = "literal"
 nitpicky = True
@@ -44,6 +38,7 @@ html_static_path = ["static"]
 html_css_files = ["style.css"]
 
 myst_heading_anchors = 3
+toc_object_entries = False
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
@@ -54,24 +49,37 @@ napoleon_use_ivar = True
 python_maximum_signature_line_length = 88
 
 
-# Each is made once, for the page that asks: the import graph and the reference take seconds.
-_GENERATED = {
-    "{{ problem_fields }}": lambda: problem_fields(problem_schema()),
-    "{{ cycle_fields }}": lambda: further_fields("Cycle", cycle_schema(), problem_schema()),
-    "{{ study_fields }}": lambda: further_fields("Study", study_schema(), problem_schema()),
-    "{{ gallery }}": gallery,
-    "{{ public_sections }}": public_sections,
-    "{{ reading_order }}": reading_order,
-}
+# On a code host a link to a Python name leads to its row; here, to its full reference.
+_NAME_LINK = re.compile(r"\]\([\w./]*api\.md#(tubeplanner\.\w+)\)")
+_MARKDOWN_LINK = re.compile(r"\[([^]]+)\]\(([\w./]+\.md)(?:#[^)]*)?\)")
+_PUBLIC_NAMES = re.compile(r"<!-- begin public_names.*<!-- end -->", re.S)
+_GROUP = re.compile(r"^## (.+)\n((?:.|\n(?!## ))*)", re.M)
+_PAGE_LINK = re.compile(r"\]\((\w[\w./]*)\.md\)")
 
 
-def _write_generated(app: object, page: str, source: list[str]) -> None:
-    """Put what is made from the sources where a page asks for it."""
-    for mark, generated in _GENERATED.items():
-        if mark in source[0]:
-            source[0] = source[0].replace(mark, generated())
+def _adapt(app: object, page: str, source: list[str]) -> None:
+    """Give a page what only the built pages can have: navigation, and the reference of names."""
+    folder = (DOCS / page).parent
+
+    def linked(match: re.Match[str]) -> str:
+        """Keep the text alone of a link that leaves these pages: only a code host has its end."""
+        is_inside = (folder / match[2]).resolve().is_relative_to(DOCS)
+        return match[0] if is_inside else match[1]
+
+    text = _NAME_LINK.sub(r"](#\1)", _MARKDOWN_LINK.sub(linked, source[0]))
+    if page == "reference/api":
+        text = _PUBLIC_NAMES.sub(lambda _: public_directives(), text)
+    if page == "index":
+        text += "".join(_toctree(*group) for group in _GROUP.findall(text))
+    source[0] = text
+
+
+def _toctree(title: str, group: str) -> str:
+    """Return the navigation of a group of pages: those that the index lists."""
+    pages = "\n".join(_PAGE_LINK.findall(group))
+    return f"\n```{{toctree}}\n:hidden:\n:caption: {title}\n\n{pages}\n```\n" if pages else ""
 
 
 def setup(app: Any) -> None:
     """Connect to Sphinx."""
-    app.connect("source-read", _write_generated)
+    app.connect("source-read", _adapt)

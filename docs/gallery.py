@@ -1,4 +1,4 @@
-"""Every picture of README and these pages, made by one command, with what is to be seen in it.
+"""Pictures of README and these pages: the commands that make them, and a sentence on each.
 
     python docs/gallery.py [NAME...]      # or: make gallery
 
@@ -48,7 +48,7 @@ PICTURES = {
     ),
     "compared": Picture(
         "tubeplanner compare example:two_link/paper_5_50mm --quality fast --plot compared.png",
-        "Solid bars are certified, hatched ones fail what is named; grey is the fastest's speed.",
+        "Solid bars are certified; hatched bars fail the named condition; grey: the fastest one.",
     ),
     "executed": Picture(
         "tubeplanner plan example:ur10/onto_a_conveyor -o t.json\n"
@@ -58,7 +58,7 @@ PICTURES = {
     "swept": Picture(
         "tubeplanner sweep example:ur5/over_the_wall "
         "--vary robustness.com=0,0.005,0.01,0.02,0.04 --plot swept.png",
-        "The less is known of the links' centres of mass, the slower the motion that survives.",
+        "A larger error of the links' centres of mass makes the robust motion slower.",
     ),
     "pick": Picture(
         "tubeplanner plan problem.yaml --plot pick.png",
@@ -67,7 +67,7 @@ PICTURES = {
     ),
     "effort_curves": Picture(
         "python docs/gallery_figures.py effort_curves effort_curves.png",
-        "Half a percent of the duration is what the wildest efforts cost.",
+        "The shortest motion swings between effort limits; 0.5 % more time makes it smooth.",
     ),
     "motor_curves": Picture(
         "python docs/gallery_figures.py motor_curves motor_curves.png",
@@ -79,12 +79,12 @@ PICTURES = {
     ),
     "study_map": Picture(
         "tubeplanner study example:ur5/tolerance_and_payload --plot study_map.png",
-        "Short where the tube is wide and the payload light.",
+        "The duration is short where the tube is wide and the payload light.",
     ),
     "placement": Picture(
         "tubeplanner place example:ur5/over_the_wall --region=-0.5,0.6,-0.7,0.7 "
         "--stands-on table --plot placement.png",
-        "Behind its table and turned away the UR5 needs 16 % less time than as given.",
+        "Behind its table and turned away the UR5 needs 16 % less time than at the given place.",
     ),
     "view_ur5": Picture(
         "tubeplanner plan example:ur5/over_the_wall --html view_ur5.html",
@@ -103,7 +103,7 @@ PICTURES = {
     ),
     "view_cycle": Picture(
         "tubeplanner plan example:ur5/through_the_door --html view_cycle.html",
-        "A whole cycle: below, the time line with its moves and what happens at rest.",
+        "A whole cycle: below, the time line with moves, events and dwells.",
         0.9,
     ),
 }
@@ -111,9 +111,9 @@ PICTURES = {
 
 def gallery() -> str:
     """Return the gallery as Markdown: each picture, what is seen in it and what makes it."""
-    return "\n".join(
+    return "\n\n".join(
         f"## {name}\n\n{picture.seen}\n\n```sh\n{picture.commands}\n```\n\n"
-        f"```{{image}} {name}.png\n:alt: {picture.seen}\n```\n"
+        f"![{picture.seen}]({name}.png)"
         for name, picture in PICTURES.items()
     )
 

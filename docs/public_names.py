@@ -1,63 +1,64 @@
-"""How the reference of Python writes types: public names and arrays, as the sources do.
-
-Autodoc sees through both: to the module that a public name is defined in, and to what the array
-aliases stand for.
-"""
+"""The public names by the sections of the package's stub, for the page of the Python interface."""
 
 import re
-from functools import cached_property
-from typing import Any
-
-from docutils.nodes import Element
+from enum import Enum
+from inspect import getdoc, isclass
+from pathlib import Path
 
 import tubeplanner
-from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 
-_ALIASES = {"FloatArray": FloatArray, "IntArray": IntArray, "BoolArray": BoolArray}
-# Types without a module of their own, written by their name alone.
-_STAND_INS = {alias: type(alias, (), {"__module__": "builtins"}) for alias in _ALIASES}
-_ARRAY = re.compile(r"~?(?:numpy\.)?ndarray\[.*?dtype\[~?(?:numpy\.)?(\w+?)(?:64|_)?\]\]")
-
-
-def setup(app: Any) -> None:
-    """Connect to Sphinx."""
-    app.connect("missing-reference", _resolved_public_name)
-    app.connect("autodoc-process-signature", _with_array_aliases)
-    for name in tubeplanner.__all__:
-        for member in vars(getattr(tubeplanner, name)).values() if name[0].isupper() else ():
-            _name_array_of(member)
+_SECTION = re.compile(r"^# (.+)\n((?:# .+\n)*)((?:from .+\n)+)", re.M)
+_IMPORT = re.compile(r"^from \.([\w.]+) import \w+ as (\w+)(  # returned)?$", re.M)
+_SOURCES = "../../src/tubeplanner"
+_BUILT = (
+    "Names link to their source. `make docs` writes this page with arguments, attributes and "
+    "methods to `output/docs/reference/api.html`."
+)
+_PACKAGE = Path(tubeplanner.__file__).parent
 
 
-def _resolved_public_name(app: Any, env: Any, node: Element, content: Element) -> Element | None:
-    """Link a type to the name by which it is imported."""
-    name = node.get("reftarget", "").rpartition(".")[2]
-    if node.get("refdomain") != "py" or name not in tubeplanner.__all__:
-        return None
-    target, python = f"tubeplanner.{name}", env.domains["py"]
-    found: Element | None = python.resolve_xref(
-        env, node["refdoc"], app.builder, "obj", target, node, content
-    )
-    return found
+def public_table() -> str:
+    """Return a table for each section: the names, with links to the source, and a sentence each."""
+    return "\n\n".join([_BUILT, *(_names(*section) for section in _sections())])
 
 
-def _with_array_aliases(
-    app: object, what: str, name: str, item: object, options: object, *signature: str | None
-) -> tuple[str | None, ...]:
-    """Return arguments and result of a signature with short array types."""
-    short = [text and _ARRAY.sub(_alias, text) for text in signature]
-    return tuple(text and text.replace("<factory>", "...") for text in short)
+def public_directives() -> str:
+    """Return the same sections with autodoc directives: the whole reference, for the built page."""
+    module = "```{eval-rst}\n.. py:currentmodule:: tubeplanner\n```"
+    version = "```{eval-rst}\n.. autodata:: __version__\n```"
+    return "\n\n".join([module, *(_directives(*section) for section in _sections()), version])
 
 
-def _alias(match: re.Match[str]) -> str:
-    return f"{match.group(1).capitalize()}Array"
+def _sections() -> list[tuple[str, str, str]]:
+    """Return title, prose and imports of each section of the stub."""
+    return _SECTION.findall((_PACKAGE / "__init__.pyi").read_text(encoding="utf-8"))
 
 
-def _name_array_of(member: object) -> None:
-    """Name the array that a property returns: its type never passes as a signature."""
-    getter = {property: "fget", cached_property: "func"}.get(type(member))
-    if getter is None:
-        return
-    annotations = getattr(member, getter).__annotations__
-    for alias, array in _ALIASES.items():
-        if annotations.get("return") == array:
-            annotations["return"] = _STAND_INS[alias]
+def _names(title: str, prose: str, imports: str) -> str:
+    rows = [_row(module, name) for module, name, _ in _IMPORT.findall(imports)]
+    return "\n".join([*_heading(title, prose), "| name | what it is |", "|---|---|", *rows])
+
+
+def _row(module: str, name: str) -> str:
+    sentence = (getdoc(getattr(tubeplanner, name)) or "").split("\n")[0].replace("|", "\\|")
+    source = f"{_SOURCES}/{module.replace('.', '/')}.py"
+    return f'| <a id="tubeplanner.{name}"></a>[`{name}`]({source}) | {sentence} |'
+
+
+def _directives(title: str, prose: str, imports: str) -> str:
+    lines = [_directive(name, bool(returned)) for _, name, returned in _IMPORT.findall(imports)]
+    return "\n".join([*_heading(title, prose), "```{eval-rst}", *lines, "```"])
+
+
+def _heading(title: str, prose: str) -> list[str]:
+    return [f"## {title}", "", *([prose.replace("# ", "")] if prose else [])]
+
+
+def _directive(name: str, returned: bool) -> str:
+    item = getattr(tubeplanner, name)
+    if not isclass(item):
+        return f".. autofunction:: {name}"
+    if issubclass(item, Exception):
+        return f".. autoexception:: {name}"
+    options = [":members:"] + [":undoc-members:"] * issubclass(item, Enum)
+    return "\n   ".join([f".. autoclass:: {name}{'()' * returned}", *options])

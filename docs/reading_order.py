@@ -11,11 +11,11 @@ from grimp import ImportGraph, build_graph
 
 _ROOT = Path(__file__).parents[1]
 _PACKAGE = _ROOT / "src" / "tubeplanner"
-_WITHOUT_FOLDER = "What every folder may use."
+_WITHOUT_FOLDER = "Modules that every folder may import."
 
 
 def reading_order() -> str:
-    """Return the folders as Markdown: a heading, a sentence and a table of modules each."""
+    """Return a heading, a sentence and a table of modules for each folder, as Markdown."""
     layers = _layers()
     flat = [layer for layer in layers if not (_PACKAGE / layer).is_dir()]
     folders = {layer: _imported_first(layer) for layer in layers if layer not in flat}
@@ -23,16 +23,16 @@ def reading_order() -> str:
 
 
 def _layers() -> list[str]:
-    """Return folders and modules without a folder, as import-linter holds them, lowest first."""
+    """Return the layers of import-linter: folders and modules without a folder, lowest first."""
     settings = tomllib.loads((_ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
     layers = next(c["layers"] for c in settings["contracts"] if c["type"] == "layers")
     return list(reversed(layers))
 
 
 def _imported_first(folder: str) -> list[str]:
-    """Return a folder's modules, each after those that it imports, else by alphabet.
+    """Return the modules of a folder, each after its imports, else by alphabet.
 
-    A folder within stands among them as one of them, with its own modules.
+    An inner folder counts as one module, and stands there with its own modules.
     """
     package = f"tubeplanner.{folder}".replace("/", ".")
     graph = deepcopy(_import_graph())  # squashing is for this folder alone
@@ -53,12 +53,12 @@ def _imported_first(folder: str) -> list[str]:
 
 @cache
 def _import_graph() -> ImportGraph:
-    """Return which modules of the package import which."""
+    """Return the graph of imports of the package."""
     return build_graph("tubeplanner", cache_dir=None)
 
 
 def _modules(folder: str, name: str) -> list[str]:
-    """Return a module of a folder, or those of the folder that it is."""
+    """Return the module of a name, or the modules of the inner folder of that name."""
     if not (_PACKAGE / folder / name).is_dir():
         return [name]
     return [f"{name}/{module}" for module in _imported_first(f"{folder}/{name}")]

@@ -6,6 +6,7 @@ import re
 import shlex
 from contextlib import redirect_stdout
 from hashlib import sha256
+from importlib import import_module
 from io import StringIO
 from pathlib import Path
 
@@ -267,16 +268,53 @@ def draw():
 
 
 @pytest.fixture
-def generators(monkeypatch):
-    """What makes parts of pages is found."""
+def tables(monkeypatch):
+    """The module that writes parts of pages."""
     monkeypatch.syspath_prepend(DOCS)
+    return import_module("tables")
 
 
-def test_every_public_name_is_documented_once(generators):
-    from public_sections import public_sections
+@pytest.mark.dear("imports every command and builds the graph of imports")
+def test_the_parts_of_pages_that_are_written_are_fresh(tables):
+    for page, text in PAGES.items():
+        assert tables.written(text) == text, f"{page} is not as the sources are: make docs-tables"
 
-    documented = re.findall(r"^\.\. auto\w+:: (\w+)", public_sections(), re.M)
-    assert sorted([*documented, "__version__"]) == tubeplanner.__all__
+
+def test_every_part_is_on_a_page_and_every_command_has_its_options(tables):
+    parts = [match.groups()[1:3] for text in PAGES.values() for match in tables.PART.finditer(text)]
+    named = [name for name, argument in parts if argument is None]
+    assert sorted([*named, "options"]) == sorted(tables.PARTS)
+    commands = [argument for name, argument in parts if name == "options"]
+    assert commands == cli.list_commands(None)
+
+
+def test_a_table_of_options_has_names_defaults_and_bounds(tables):
+    page = PAGES["docs/reference/command_line.md"]
+    for text in (
+        "\n| [`plan`](#plan) | Plan PROBLEM, ",
+        "\nArguments: `PROBLEM` `TRAJECTORY`\n",
+        "\n| `--json` | Print one JSON object. |\n",
+        "\n| `-o, --output FILE` | Trajectory file (JSON). |\n",
+        "Default: balanced. |\n",
+        "At least 1. |\n",
+        "Required. |\n",
+    ):
+        assert text in page
+
+
+def test_every_public_name_is_documented_once(tables):
+    from public_names import public_directives
+
+    documented = re.findall(r"^\.\. auto\w+:: (\w+)", public_directives(), re.M)
+    assert sorted(documented) == tubeplanner.__all__
+    rows = re.findall(
+        r'^\| <a id="tubeplanner\.(\w+)"></a>\[`\1`\]\((.+)\) \| \S.* \|$',
+        PAGES["docs/reference/api.md"],
+        re.M,
+    )
+    assert sorted([*(name for name, _ in rows), "__version__"]) == tubeplanner.__all__
+    for name, source in rows:
+        assert re.search(rf"\b{name}\b", (DOCS / "reference" / source).read_text())
 
 
 def require_described(page, sections):
@@ -286,56 +324,39 @@ def require_described(page, sections):
         assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
 
 
-def require_targets(page, *others):
-    """Check that what a page points to is there once, in it or in other pages."""
-    labels = re.findall(r"^\((field-[\w.]+)\)=$", "\n".join((page, *others)), re.M)
-    assert set(re.findall(r"\(#(field-[\w.]+)\)", page)) <= set(labels)
-    assert len(labels) == len(set(labels))
-
-
-def test_every_field_of_the_problem_file_is_documented(generators):
-    from problem_fields import problem_fields
-
-    schema = problem_schema()
-    page = problem_fields(schema)
+def test_every_field_of_the_problem_file_is_documented():
+    page, schema = PAGES["docs/reference/problem_file.md"], problem_schema()
     require_described(page, (schema, *schema["$defs"].values()))
     for text in (
-        "\n### start · goal\n",
+        "\n### start, goal\n",
         "\n### tube.cross_section\n",
         "\n| `radius` | number, or list of these | m | required | ",
         "\n| `gravity` | [3 numbers] | m/s² | `[0.0, 0.0, -9.81]` | base frame |",
-        "| [section](#field-robot.tool_offset) |",
-        "\n(field-robot.tool_offset)=\n",
+        "| [section](#robottool_offset) |",
+        "\n### robot.tool_offset\n",
     ):
         assert text in page
 
 
-def test_every_field_of_the_cycle_file_is_documented(generators):
-    from further_fields import further_fields
-    from problem_fields import problem_fields
-
+def test_every_field_of_the_cycle_file_is_documented():
     schema, common = cycle_schema(), problem_schema()
-    page = further_fields("Cycle", schema, common)
+    page = PAGES["docs/reference/cycle_file.md"]
     own = [schema["$defs"][name] for name in schema["$defs"] if name not in common["$defs"]]
     assert {"MoveFields", "AttachFields"} <= set(schema["$defs"])
     require_described(page, (schema, *own))
     kinds = ("move", "event", "attach", "detach")
-    sections = ", or ".join(f"[section](#field-{kind})" for kind in kinds)
+    sections = ", or ".join(f"[section](#{kind})" for kind in kinds)
     assert f"\n| `moves` | list of ({sections}) |  | required | " in page
     assert "\n| `dwell` | number | s | `0.0` | how long the arm stays |" in page
-    require_targets(page, problem_fields(common))
+    assert "[section](problem_file.md#tube)" in page
 
 
-def test_every_field_of_the_study_file_is_documented(generators):
-    from further_fields import further_fields
-
-    schema = study_schema()
-    page = further_fields("Study", schema, problem_schema())
+def test_every_field_of_the_study_file_is_documented():
+    page, schema = PAGES["docs/reference/study_file.md"], study_schema()
     require_described(page, (schema, *schema["$defs"].values()))
-    kinds = "(list of anything, or [section](#field-range))"
+    kinds = "(list of anything, or [section](#studyvary))"
     assert f"\n| `vary` | map to {kinds} |  | `{{}}` | " in page
-    assert '\n| `design` | `"grid"`, or [section](#field-latin) |  | `"grid"` | ' in page
-    require_targets(page)
+    assert '\n| `design` | `"grid"`, or [section](#studydesign) |  | `"grid"` | ' in page
 
 
 def first_block(language, text):
@@ -352,15 +373,49 @@ def test_the_ten_lines_run_and_the_problem_file_is_planned(planned_once, capsys)
     assert tubeplanner.plan(parse_problem(fields)).succeeded
 
 
-def test_links_of_the_readme_lead_to_files():
-    for target in re.findall(r"\]\((?!http)([^)]+)\)", README):
-        assert (ROOT / target).exists(), target
+def anchors(text):
+    """Return the anchors of a page on a code host: of its headings, and those that it sets."""
+    titles = re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S), re.M)
+    slugs = [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles]
+    assert len(slugs) == len(set(slugs)), "two headings of a page have one anchor"
+    return {*slugs, *re.findall(r'<a id="([\w.]+)"></a>', text)}
 
 
-def test_every_link_of_a_page_has_a_text():
-    """A code host shows no link whose text only Sphinx would fill in."""
-    without = [page for page, text in ALL_PAGES.items() if re.search(r"(?<!!)\[\s*\]\(", text)]
-    assert without == [], "write the title of the page that the link leads to"
+@pytest.mark.parametrize("page", [*ALL_PAGES, "CONTRIBUTING.md", "tests/README.md"])
+def test_every_link_of_a_page_has_a_text_and_leads_somewhere(page):
+    """On a code host too, which fills in no text and no directive."""
+    path = ROOT / page
+    text = path.read_text()
+    assert not re.search(r"(?<!!)\[\s*\]\(", text), "write the title of the page that it leads to"
+    assert not re.search(r"^```\{|\{\{", text, re.M), "a code host shows no directive"
+    for target in re.findall(r"\]\((?!http)([^)\s]+)\)", text):
+        name, _, anchor = target.partition("#")
+        other = (path.parent / name).resolve() if name else path
+        assert other.exists(), target
+        assert not anchor or anchor in anchors(other.read_text()), target
+
+
+PAGES_OF_PATHS = (
+    *(page for page in PAGES if page.startswith("docs/development/")),
+    *("CONTRIBUTING.md", "tests/README.md", "benchmarks/README.md"),
+)
+
+
+@pytest.mark.parametrize("page", PAGES_OF_PATHS)
+def test_a_path_on_a_page_for_contributors_is_there(page):
+    """Paths begin at the root, in `src`, at the package or at the page."""
+    written = r"<!-- begin modules.*<!-- end -->"
+    text = re.sub(rf"^```.*?^```$|{written}", "", (ROOT / page).read_text(), flags=re.M | re.S)
+    paths = re.findall(r"(?<![\w/.])((?:[a-z_]+/)+(?:[a-z_0-9]+(?:\.\w+)?)?)(?=[`\s])", text)
+    begins = (ROOT, ROOT / "src", ROOT / "src" / "tubeplanner", (ROOT / page).parent)
+    for path in set(paths) - {"output/wheel", "output/mutants"}:
+        assert any((begin / path).exists() for begin in begins), path
+
+
+def test_the_index_has_a_line_for_every_page():
+    listed = re.findall(r"^- \[[^]]+\]\(([^.)]+)\.md\): \S.*\.$", PAGES["docs/index.md"], re.M)
+    pages = [page.removeprefix("docs/").removesuffix(".md") for page in PAGES]
+    assert sorted([*listed, "index"]) == sorted(pages)
 
 
 PICK = first_block("yaml", PAGES["docs/how_to/contacts.md"])
