@@ -357,6 +357,12 @@ def test_links_of_the_readme_lead_to_files():
         assert (ROOT / target).exists(), target
 
 
+def test_every_link_of_a_page_has_a_text():
+    """A code host shows no link whose text only Sphinx would fill in."""
+    without = [page for page, text in ALL_PAGES.items() if re.search(r"(?<!!)\[\s*\]\(", text)]
+    assert without == [], "write the title of the page that the link leads to"
+
+
 PICK = first_block("yaml", PAGES["docs/how_to/contacts.md"])
 CYCLE = first_block("yaml", PAGES["docs/how_to/cycles.md"])
 WEIGHT = re.search(r"part, payload: .*", CYCLE).group(0)
