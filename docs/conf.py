@@ -1,5 +1,6 @@
 """How Sphinx builds these pages: `make docs`."""
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -65,8 +66,13 @@ _GENERATED = {
 }
 
 
+# On a code host a link to a Python name leads to its row; here, to its full reference.
+_NAME_LINK = re.compile(r"\]\([\w./]*api\.md#(tubeplanner\.\w+)\)")
+
+
 def _write_generated(app: object, page: str, source: list[str]) -> None:
-    """Put what is made from the sources where a page asks for it."""
+    """Put generated parts where a page asks for them; lead links of names to their reference."""
+    source[0] = _NAME_LINK.sub(r"](#\1)", source[0])
     for mark, generated in _GENERATED.items():
         if mark in source[0]:
             source[0] = source[0].replace(mark, generated())
