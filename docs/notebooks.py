@@ -156,7 +156,7 @@ def run_script(name: str) -> Notebook:
     import jupytext
     from nbclient import NotebookClient
 
-    path = NOTEBOOKS / f"{name}.py"
+    path, sha256 = NOTEBOOKS / f"{name}.py", script_hash(name)
     notebook = jupytext.read(path)
     # Ids of cells are random otherwise.
     for number, cell in enumerate(notebook.cells):
@@ -176,7 +176,7 @@ def run_script(name: str) -> Notebook:
     notebook.metadata = {
         "kernelspec": kernel,
         "language_info": {**_TEXT_OF_METADATA, "pygments_lexer": "ipython3"},
-        "tubeplanner": {"script": path.name, "script_sha256": script_hash(name)},
+        "tubeplanner": {"script": path.name, "script_sha256": sha256},
     }
     for cell in notebook.cells:
         for output in cell.get("outputs", ()):

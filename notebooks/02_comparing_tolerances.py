@@ -152,7 +152,7 @@ print("radii [mm]:", 1000 * shelves.tube.radius)
 panda = sweep(shelves, scales=[1 / 60, 1 / 30, 0.1, 0.25, 0.5, 1.0, 1.5])
 for row in panda.rows:
     outcome = row.message if row.duration is None else f"{row.duration:.4f} s"
-    print(*filter(None, (f"{row.value:5.3f} of the radii: {outcome}", row.note)))
+    print(*filter(None, (f"radii x {row.value:5.3f}: {outcome}", row.note)))
 plot_sweep(panda)
 
 # %%
@@ -160,12 +160,12 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5), layout="constraine
 planned = [row for row in panda.rows if row.duration is not None]
 for row, style in zip((planned[0], *planned[-2:]), STYLES, strict=False):
     time, tool, speed = tool_path(row.problem, row.result.trajectory)
-    left.plot(time, speed, label=f"{row.value:.3g} of the radii", **style)
+    left.plot(time, speed, label=f"radii x {row.value:.3g}", **style)
     right.plot(tool[:, 0], tool[:, 2], **style)
 reference = {"color": "#444444", "linestyle": "--", "linewidth": 1, "label": "reference"}
 right.plot(*shelves.tube.points[:, [0, 2]].T, **reference)
 left.set(xlabel="time [s]", ylabel="tool speed [m/s]", ylim=(0, None))
-right.set(xlabel="x [m]", ylabel="z [m]", title="Path of the tool from the side")
+right.set(xlabel="x [m]", ylabel="z [m]", title="Tool path, side view")
 right.set_aspect("equal")
 right.legend(fontsize=8, loc="center right")
 left.legend(fontsize=8)

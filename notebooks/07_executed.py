@@ -54,7 +54,7 @@ wall = load_problem("example:ur5/over_the_wall")
 usual = Robustness(control_period=0.002)
 print(usual)
 
-# %% picture=[0,0.1,0.395,1]
+# %% picture=[0.48,0.08,0.96,0.425]
 QUICK = PlanOptions(quality="fast", slack=0.0)
 shortest = plan(wall, QUICK)
 
@@ -99,11 +99,14 @@ for factor in (1.0, 1.1, 1.5, 2.0):
 # %% [markdown]
 # ## The motion that survives
 #
-# The field `robustness` of a problem asks for a motion that survives. The planner simulates arms,
-# reduces efforts, velocities, radii and clearance as far as the runs show to be necessary, and
-# plans again. In the end 200 fresh arms judge the motion. `sweep_field` plans for masses known to 5
-# % (the default) and to 15 %. The cell prints the first of the two answers: for each quantity its
-# reduced value or factor, and its cost in time.
+# The field `robustness` of a problem asks for a motion that survives. The planner simulates arms
+# and tightens the problem as far as the runs show to be necessary: lower efforts and velocities,
+# smaller radii, more clearance. Then it plans again. In the end 200 fresh arms judge the motion.
+# `sweep_field` plans for masses known to 5 % (the default) and to 15 %.
+#
+# The cell prints the first of the two answers. Its last lines have the tightening and its cost: the
+# remaining fractions of efforts and velocities, the decrease of the radii and the increase of the
+# clearance [m].
 
 # %%
 control = {"robustness.control_period": usual.control_period}
