@@ -83,7 +83,7 @@ for name, condition in result.certificate.conditions.items():
 # - The drawing shows the arm at the start (pale) and at the goal, the tube and the path of the
 #   tool.
 
-# %% picture=[0.5,0.27,1.0,0.63]
+# %% picture=[0.56,0.27,1.0,0.636]
 plot_trajectory(problem, result.trajectory)
 
 # %% [markdown]

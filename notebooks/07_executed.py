@@ -54,7 +54,7 @@ wall = load_problem("example:ur5/over_the_wall")
 usual = Robustness(control_period=0.002)
 print(usual)
 
-# %% picture=[0.48,0.08,0.96,0.425]
+# %% picture=[0.48,0.08,0.96,0.418]
 QUICK = PlanOptions(quality="fast", slack=0.0)
 shortest = plan(wall, QUICK)
 
