@@ -16,10 +16,10 @@ PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist load 
 FAILURES := --maxfail $(if $(CI),20,1)
 CHEAP := -m "not slow and not dear"
 # The last ones take longest, and begin first.
-NOTEBOOKS := $(patsubst notebooks/%.py,output/notebooks/%.html,$(shell ls -r notebooks/*.py))
+NOTEBOOKS := $(patsubst %.py,%.ipynb,$(shell ls -r notebooks/*.py))
 
 .PHONY: demo test quick test-slow test-all test-processors test-pure study trajectories
-.PHONY: lint style types layers notebooks docs gallery wheel clean
+.PHONY: lint style types layers notebooks check-notebooks docs gallery wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
@@ -69,15 +69,18 @@ types: $(VENV)/.installed-test
 layers: $(VENV)/.installed-test
 	$(BIN)/lint-imports --no-cache --no-logo
 
-# Every notebook runs from its first cell to its last, and becomes a page in output/notebooks.
+# Every script in notebooks runs from its first cell to its last and becomes a notebook with results.
+# One alone: make notebooks/NAME.ipynb.
 notebooks: $(VENV)/.installed-notebooks
-	mkdir -p output/notebooks
-	$(MAKE) --no-print-directory --jobs=$(JOBS) $(NOTEBOOKS)
+	$(MAKE) --no-print-directory --keep-going --jobs=$(JOBS) $(NOTEBOOKS)
 
-# Always run: what is in a page depends on all of the package. One thread of linear algebra each.
-$(NOTEBOOKS): output/notebooks/%.html: notebooks/%.py FORCE
-	$(BIN)/jupytext --quiet --to ipynb --output $(@:.html=.ipynb) $<
-	OPENBLAS_NUM_THREADS=1 $(BIN)/jupyter-nbconvert --log-level ERROR --execute --to html $(@:.html=.ipynb)
+# The same runs without a change of files: words and durations must be those of the notebooks.
+check-notebooks: $(VENV)/.installed-notebooks
+	$(MAKE) --no-print-directory --keep-going --jobs=$(JOBS) $(NOTEBOOKS) NOTEBOOK_OPTIONS=--check
+
+# Always run: the results depend on all of the package. One thread of linear algebra each.
+$(NOTEBOOKS): $(VENV)/.installed-notebooks FORCE
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/notebooks.py $(NOTEBOOK_OPTIONS) $(basename $(@F))
 
 FORCE:
 

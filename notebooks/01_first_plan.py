@@ -11,11 +11,12 @@
 # %% [markdown]
 # # A first plan
 #
-# A UR5 has to lift something over a wall. You know a rough route for its tool, and how far the tool may stray from it: 30 mm
-# beside the wall, 80 mm above it. That is a **tube**. tubeplanner finds the fastest smooth trajectory inside it that the
-# motors can produce, and proves that it satisfies every condition.
+# A UR5 lifts a part over a wall. You know a rough route for the tool and its tolerance: 30 mm
+# beside the wall, 80 mm above it. Route and tolerance are a **tube**. tubeplanner plans the fastest
+# smooth trajectory inside the tube that the motors can produce. A **certificate** proves that the
+# trajectory satisfies every condition.
 #
-# Run the cells from top to bottom; the whole notebook takes about ten seconds.
+# Run the cells from top to bottom. The notebook takes about ten seconds.
 
 # %%
 # %matplotlib inline
@@ -28,14 +29,15 @@ from tubeplanner import Obstacle, PlanningProblem, Tube, load_robot, placement_o
 from tubeplanner import plot_convergence, plot_trajectory
 
 # %% [markdown]
-# ## State the problem
+# ## The problem
 #
-# - The **robot**: its URDF, and which frame is the tool. `example:ur5` is bundled; a path to your own file works as well
-#   (notebook 3).
-# - The **tube**: four points make three segments; each has its radius. `joint_signs` selects the arm configuration:
-#   elbow up.
-# - The **start**, in joint angles. The goal is open here: the planner chooses the joint angles that reach the last point fastest.
-# - The **wall**.
+# - The **robot**: its URDF and its tool frame. `example:ur5` is bundled; a path to your own file
+#   works as well (notebook 3).
+# - The **tube**: four points make three segments, each with a radius. `joint_signs` selects the arm
+#   configuration: elbow up.
+# - The **start**, as joint angles. The goal is open here: the planner chooses the joint angles that
+#   reach the last point soonest.
+# - The **wall**, a box of 0.6 x 0.05 x 0.44 m.
 
 # %%
 robot = load_robot("example:ur5", tool_frame="tool0")
@@ -46,25 +48,23 @@ start = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
 problem = PlanningProblem(robot, tube, start, obstacles=[wall], name="over the wall")
 
 # %% [markdown]
-# ## Plan
+# ## The plan
 #
-# `plan` returns the answer or the reason why there is none; it raises no exception for an impossible task. The callback is
-# optional: it receives the progress of planning.
+# `plan` returns a trajectory, or the reason why there is none. An infeasible task raises no
+# exception. The callback `progress` is optional and receives the steps of planning.
 
 # %%
 steps = []
 result = plan(problem, progress=steps.append)
 print(result.message)
-print(
-    f"planned in {result.planning_time:.2f} s, {result.certificate_time:.2f} s of it for the certificate"
-)
 
 # %% [markdown]
-# ## What the certificate says
+# ## The certificate
 #
-# Every condition has a margin, the place where it is smallest, and the method of judgement. *For all t* means the whole
-# trajectory, not only samples. A margin of zero is what a time-optimal trajectory looks like: it uses the
-# limit, and does not exceed it.
+# Every condition has a margin, at the instant where it is smallest, and a coverage. *For all t*
+# means the whole trajectory, not only samples. The margins of velocity, effort and tube are nearly
+# zero: the trajectory uses these limits fully and exceeds none. The margins of goal, rest and
+# continuity are rounding errors.
 
 # %%
 for name, condition in result.certificate.conditions.items():
@@ -72,52 +72,61 @@ for name, condition in result.certificate.conditions.items():
         print(f"{name:15} {condition.margin:10.2e} {condition.unit:9} {condition.coverage}")
 
 # %% [markdown]
-# ## What the trajectory looks like
+# ## The trajectory
 #
-# At the top, what binds when: a row per joint, one of the tool and one of the links, with a bar where one of their limits is used to
-# 98 % or more. While some joint has a bar, there is nothing left to gain on this path. Below, the joints against their limits, the
-# speed of the tool, how much of the tolerance it uses, and how near the links come to the wall and to each other; beside them the
-# arm at the start, pale, and at the goal. The colours behind the curves mark the segments.
+# - The strip at the top has a row for each joint, for the tool and for the links. A bar marks a
+#   limit in use to 98 % or more. As long as some joint has a bar, no motion along this path is
+#   faster.
+# - Below the strip are the joints against their limits, the tool speed, the used part of the
+#   tolerance, and the clearance from the wall and between links. Background colours mark the
+#   segments.
+# - The drawing shows the arm at the start (pale) and at the goal, the tube and the path of the
+#   tool.
 
-# %%
+# %% picture=[0.56,0.27,1.0,0.636]
 plot_trajectory(problem, result.trajectory)
 
 # %% [markdown]
-# ## How the answer was found
+# ## The convergence
 #
-# Refinement starts from a trajectory that follows the route and shortens it step by step, first on few knots, then on finer
-# ones (it jumps up where finer samples find a violated limit).
+# Refinement starts from a trajectory along the route and shortens it step by step, first on few
+# knots, then on finer ones. The duration jumps up where finer samples find a violated limit. The
+# last steps spend 0.5 % of the duration on smoother efforts; `PlanOptions(slack=0)` skips them.
 
 # %%
 plot_convergence({"over the wall": steps})
 
 # %% [markdown]
-# ## What costs the time
+# ## The cost of each limit
 #
-# What would 10 % more of each limit save? The multipliers of the optimisation answer this without planning again (notebook 4
-# checks them).
+# How much time would 10 % more of each limit save? The multipliers of the optimisation answer this
+# without a second plan (notebook 4 checks them).
 
 # %%
 for sensitivity in result.sensitivities[:5]:
     print(sensitivity)
 
 # %% [markdown]
-# ## Use it
+# ## The output
 #
-# The trajectory is a piecewise polynomial. `position`, `velocity` and `acceleration` take any times.
+# The trajectory is a piecewise polynomial. `position`, `velocity` and `acceleration` take any
+# times.
 
 # %%
 times = np.linspace(0, result.duration, 5)
 print(np.round(result.trajectory.position(times), 3))
 
 # %% [markdown]
-# For a controller, write files. On the command line, this is
-# `tubeplanner plan problem.yaml -o t.json --csv t.csv --ros t.yaml --plot t.png`. The JSON holds the polynomials themselves.
-# The acceleration of such a trajectory has kinks that samples at 500 Hz cannot follow; the CSV and ROS files hold samples
-# that keep the limits when a controller joins them, and state what that costs. In Python, `save` writes the same files, the suffix
-# chooses the format, and the notes say what the command would.
+# Controllers read files. The command line writes them all at once: `tubeplanner plan problem.yaml
+# -o t.json --csv t.csv --ros t.yaml --plot t.png`. In Python, `save` writes the format of the
+# suffix and returns the notes of the command.
+#
+# The JSON file holds the polynomials. Samples at 500 Hz cannot follow the kinks of their
+# acceleration. The CSV and ROS files therefore hold averaged samples, which keep the limits when a
+# controller joins them. The note states their duration.
 
 # %%
 csv = Path(mkdtemp()) / "t.csv"
 print(*result.trajectory.save(csv, problem))
-print(csv.read_text()[:200], "...")
+header, *samples = csv.read_text().splitlines()
+print(f"{len(samples)} samples of {', '.join(header.split(',')[:3])}, ...")

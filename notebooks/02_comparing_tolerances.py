@@ -11,8 +11,14 @@
 # %% [markdown]
 # # How much time does a tolerance buy?
 #
-# A tight tube is safe and slow, a wide one fast. How slow, how fast? This notebook sweeps the radius for the two-link arm of
-# Suh & Bishop (1988), whose paper asked the same, and for a Panda between shelves. It takes about a minute.
+# A narrow tube is safe and slow, a wide tube is fast. This notebook sweeps the radius of the tube
+# for two arms:
+#
+# - The two-link arm of Suh & Bishop (1988) moves up a straight line. From 0.5 to 50 mm its duration
+#   falls by 7 %.
+# - A Panda moves between two shelves. From 1/60 to 3/2 of its radii its duration falls by a third.
+#
+# The sweeps take about half a minute.
 
 # %%
 # %matplotlib inline
@@ -27,12 +33,13 @@ STYLES = [
 ]
 
 # %% [markdown]
-# ## Minimum time against tolerance
+# ## Duration against tolerance
 #
-# The tool goes straight up from (0.3, -0.5) to (0.3, 0.5) m, in a horizontal plane. The sweep plans every radius from scratch; the
-# grey strokes are the slopes that each plan's sensitivities predict, from its multipliers alone.
+# The tool of the two-link arm moves from (0.3, -0.5) to (0.3, 0.5) m in a horizontal plane. The
+# sweep plans every radius from scratch. The grey strokes are the slopes that the sensitivities of
+# each plan predict.
 
-# %%
+# %% picture=[0,0,1,1]
 problem = load_problem("example:two_link/paper_1_30mm")
 radii = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.03, 0.04, 0.05]
 durations = sweep(problem, radii)
@@ -44,19 +51,20 @@ for row in durations.rows:
     print(f"{1000 * row.value:4.1f} mm  {row.duration:.4f} s  {-row.slope:6.2f} ms")
 
 # %% [markdown]
-# The first millimetres save most: some 3 ms each up to 2 mm, less than 1 ms each from 20 mm on. For this path the paper prints (from the computers of 1988) 0.90 s at 10 mm, 0.75 s at
-# 30 mm, 0.73 s at 50 mm.
+# The first millimetres save most: about 3 ms each up to 2 mm, less than 1 ms each from 20 mm on.
+# The paper of 1988 prints 0.90 s at 10 mm, 0.75 s at 30 mm and 0.73 s at 50 mm for this path.
 #
-# ## Where the tool goes
+# ## The path of the tool
 #
-# A trajectory gives samples, and the robot the tool's position in each of them. The tool cuts to the inside of the straight line,
-# where the arm's inertia is small, as far as the tube allows. The horizontal scale is stretched.
+# At 30 and 50 mm the tool stays on the inside of the straight line nearly all the way: the inertia
+# of the arm is smaller there. At 5 and 10 mm it crosses the line. Every path touches the walls of
+# its tube (thin lines). The horizontal scale is stretched.
 
 # %%
 
 
 def tool_path(problem, trajectory):
-    """Return times (N,) [s], the tool's positions (N, 3) [m] and its speeds (N,) [m/s]."""
+    """Return times (N,) [s], tool positions (N, 3) [m] and tool speeds (N,) [m/s]."""
     samples = trajectory.sample(rate=500)
     tool = problem.robot.tool_position(samples.position)
     speed = np.linalg.norm(np.gradient(tool, samples.time, axis=0), axis=1)
@@ -73,15 +81,15 @@ for row, style in zip(shown, STYLES, strict=True):
         axis.axvline(side * 1000 * row.value, color=style["color"], linewidth=0.7, alpha=0.6)
 axis.axvline(0, color="#444444", linestyle="--", linewidth=1)
 axis.set(
-    xlabel="beside the reference [mm]",
+    xlabel="x - 0.3 m [mm]",
     ylabel="y [m]",
-    title="The tool's path, and the tube's walls",
+    title="Path of the tool, walls of the tube",
 )
 axis.legend(fontsize=8, loc="center right")
 plt.show()
 
 # %% [markdown]
-# ## How fast it goes
+# ## The speed of the tool
 
 # %%
 figure, axis = plt.subplots(figsize=(7, 3.5), layout="constrained")
@@ -93,20 +101,23 @@ axis.legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# ## From W to U: is the arm used?
+# ## W or U: are the motors used?
 #
-# `b(t)` says how many times faster the arm could move at each instant; where it is 1, a motor is at its limit. The paper draws it for
-# trajectories of few polynomials and finds two shapes. A **U** means that the motors work at their limits all the time, except at
-# rest at both ends. A **W** means that something else limits the shape, and the motors idle in between: a tight tube, or too few
-# polynomials to use the motors fully.
+# `b(t)` is the factor by which the arm could move faster at each instant. At b = 1 a motor is at
+# its limit. The paper finds two shapes:
 #
-# The next cell shows the second cause: the paper's phase 1 (`branch-and-bound`) joins a handful of quartics, the default method many.
+# - A **U**: the motors work at their limits all the time, except near rest at both ends.
+# - A **W**: the motors idle in between, because something else limits the motion: a narrow tube, or
+#   too few polynomials.
+#
+# The next cell shows the effect of too few polynomials. Phase 1 of the paper (`branch-and-bound`)
+# joins a handful of quartics, the default method many.
 
 # %%
 
 
 def times_faster(problem, trajectory):
-    """Return b at 100 samples of every piece, and the share of the duration at which they lie."""
+    """Return the times of 100 samples of every piece, relative to the duration, and b there."""
     samples = trajectory.per_piece(100)
     factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
     return samples.time / trajectory.duration, factor
@@ -120,30 +131,28 @@ for axis, radius in zip(axes, (0.01, 0.05), strict=True):
         pieces = len(trajectory.breakpoints) - 1
         label = f"{method}, {pieces} polynomials: {trajectory.duration:.3f} s"
         axis.plot(*times_faster(case, trajectory), label=label, **style)
-    axis.set(xlabel="share of the duration [-]", ylim=(0.9, 3.1))
+    axis.set(xlabel="time / duration [-]", ylim=(0.9, 3.1))
     title = f"radius {1000 * radius:.0f} mm"
     axis.legend(title=title, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-axes[0].set_ylabel("b(t), times faster [-]")
+axes[0].set_ylabel("b(t) [-]")
 plt.show()
 
 # %% [markdown]
-# With few polynomials both tubes give a W: in between, the motors idle. With many, `b` is 1 in the tight tube as in the wide one, a U with
-# steep sides: tube and motors alone determine the duration. Notebook 5 shows what the paper's phase 2 makes of few polynomials.
+# With few polynomials both tubes give a W. With many, `b` is nearly 1 in the narrow tube and in the
+# wide one: a U with steep sides. There, only tube and motors limit the duration. Notebook 5 shows
+# phase 2 of the paper.
 #
-# ## The same for a Panda
+# ## A Panda between shelves
 #
-# Three segments between shelves, each with its own radius: now the sweep scales all radii together.
+# The path has three segments, each with its own radius. The sweep scales all radii by one factor.
 
 # %%
 shelves = load_problem("example:panda/between_shelves")
 print("radii [mm]:", 1000 * shelves.tube.radius)
 panda = sweep(shelves, scales=[1 / 60, 1 / 30, 0.1, 0.25, 0.5, 1.0, 1.5])
 for row in panda.rows:
-    print(
-        f"{row.value:.3g}",
-        row.message if row.duration is None else f"{row.duration:.4f} s",
-        row.note or "",
-    )
+    outcome = row.message if row.duration is None else f"{row.duration:.4f} s"
+    print(*filter(None, (f"radii x {row.value:5.3f}: {outcome}", row.note)))
 plot_sweep(panda)
 
 # %%
@@ -151,15 +160,17 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5), layout="constraine
 planned = [row for row in panda.rows if row.duration is not None]
 for row, style in zip((planned[0], *planned[-2:]), STYLES, strict=False):
     time, tool, speed = tool_path(row.problem, row.result.trajectory)
-    left.plot(time, speed, label=f"{row.value:.3g} times the radii", **style)
+    left.plot(time, speed, label=f"radii x {row.value:.3g}", **style)
     right.plot(tool[:, 0], tool[:, 2], **style)
-right.plot(*shelves.tube.points[:, [0, 2]].T, color="#444444", linestyle="--", linewidth=1)
+reference = {"color": "#444444", "linestyle": "--", "linewidth": 1, "label": "reference"}
+right.plot(*shelves.tube.points[:, [0, 2]].T, **reference)
 left.set(xlabel="time [s]", ylabel="tool speed [m/s]", ylim=(0, None))
-right.set(xlabel="x [m]", ylabel="z [m]", title="The tool from the side; dashed: the reference")
+right.set(xlabel="x [m]", ylabel="z [m]", title="Tool path, side view")
 right.set_aspect("equal")
+right.legend(fontsize=8, loc="center right")
 left.legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# On the command line:
-# `tubeplanner sweep example:panda/between_shelves --radius-scale 0.1,0.5,1 -o sweep.csv --plot sweep.png`.
+# The same sweep on the command line: `tubeplanner sweep example:panda/between_shelves
+# --radius-scale 0.1,0.5,1 -o sweep.csv --plot sweep.png`.

@@ -9,11 +9,13 @@
 # ---
 
 # %% [markdown]
-# # Obstacles, and measured tubes
+# # Obstacles and measured tubes
 #
-# A tube says: with the tool in here, and the arm in this configuration, nothing collides. Is that true? This notebook measures a
-# tube for the two-link arm, where it can draw everything, and finds a tube from a start and a goal alone. It takes about a
-# minute.
+# A tube makes a promise: with the tool in the tube and the arm in the configuration of the tube,
+# nothing collides. Does the promise hold, and how wide may the tube be? This notebook measures a
+# tube for the two-link arm. Then it finds a tube from a start and a goal alone.
+#
+# The notebook takes about half a minute.
 
 # %%
 # %matplotlib inline
@@ -37,7 +39,7 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 
 # %%
 def draw_cell(axis, problem):
-    """Draw obstacles, tube and reference points from above."""
+    """Draw the obstacles, the tube and the reference path from above."""
     for obstacle in problem.obstacles:
         for shape in obstacle.shapes:
             corners = shape.vertices[:, :2]
@@ -50,21 +52,33 @@ def draw_cell(axis, problem):
         ends = np.where(np.cos(turn - along)[:, None] > 0, end, begin)
         outline = ends + tube.effective_radius[k] * np.column_stack([np.cos(turn), np.sin(turn)])
         axis.add_patch(Polygon(outline, color=f"C{k}", alpha=0.3))
-    axis.plot(*tube.points[:, :2].T, "k--", linewidth=1)
+    axis.plot(*tube.points[:, :2].T, "k--", linewidth=1, label="reference path")
     axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
 
 
-def draw_arm(axis, q, **style):
-    """Draw the two links of configurations (N, 2)."""
+def draw_arm(axis, q, label, **style):
+    """Draw the two links in each of N configurations (N, 2)."""
     elbow = 0.3 * np.column_stack([np.cos(q[:, 0]), np.sin(q[:, 0])])
     both = q.sum(axis=1)
     tool = elbow + 0.3 * np.column_stack([np.cos(both), np.sin(both)])
-    for one, other in zip(elbow, tool, strict=True):
-        axis.plot([0, one[0], other[0]], [0, one[1], other[1]], **style)
+    for (x, y), (x_tool, y_tool) in zip(elbow, tool, strict=True):
+        axis.plot([0, x, x_tool], [0, y, y_tool], label=label, **style)
+        label = None  # one entry in the legend for all configurations
+
+
+def draw_motion(axis, problem, trajectory):
+    """Draw the cell, the arm at every 25 ms and the path of the tool."""
+    draw_cell(axis, problem)
+    poses = trajectory.sample(rate=40).position
+    draw_arm(axis, poses, "arm every 25 ms", color="#0072B2", linewidth=0.5)
+    tool = problem.robot.tool_position(trajectory.sample(rate=500).position)
+    axis.plot(*tool[:, :2].T, color="#D55E00", linewidth=2, label="path of the tool")
 
 
 # %% [markdown]
-# ## The radii in the file, and the largest ones
+# ## The largest radii
+#
+# The file gives 30, 50 and 50 mm. `measure_tube` finds the largest radii without a collision:
 
 # %%
 written = load_problem("example:two_link/around_a_post")
@@ -72,32 +86,31 @@ measured = measure_tube(written)
 for k, segment in enumerate(measured.segments):
     print(f"segment {k}: {1000 * segment.radius:.1f} mm, signs and ranges {segment.joint_ranges}")
     for end in segment.bindings:
-        print(f"   {end.bound}: {end.place}")
+        print(f"   {end.bound}: {end.location}")
 
 # %% [markdown]
-# The arm has as many joints as the position of its tool needs, so the sign of the elbow is enough. A configuration limits each
-# radius: there a link touches the post while the tool is at the edge of the capsule.
+# The arm has as many joints as its tool has coordinates, so the sign of the elbow fixes the
+# configuration. One configuration limits each radius: the tool is at the edge of the capsule and a
+# link touches the post.
 
-# %%
+# %% picture=[0,0,1,1]
 before, after = plan(written), plan(measured.problem)
-figure, axes = plt.subplots(1, 2, figsize=(12, 6), layout="constrained", sharey=True)
+figure, axes = plt.subplots(1, 2, figsize=(9, 6), layout="constrained", sharex=True, sharey=True)
 for axis, problem, result in zip(axes, (written, measured.problem), (before, after), strict=True):
-    draw_cell(axis, problem)
-    q = result.trajectory.sample(rate=40).position
-    draw_arm(axis, q, color="#0072B2", linewidth=0.5)
-    tool = problem.robot.tool_position(result.trajectory.sample(rate=500).position)
-    axis.plot(*tool[:, :2].T, color="#D55E00", linewidth=2)
+    draw_motion(axis, problem, result.trajectory)
     radii = ", ".join(f"{1000 * radius:.0f}" for radius in problem.tube.radius)
     axis.set_title(f"radii {radii} mm: {result.duration:.3f} s")
-for segment in measured.segments:
-    for end in segment.bindings:
-        draw_arm(axes[1], end.configuration[None], color="#CC79A7", linewidth=2)
+limiting = [end.configuration for segment in measured.segments for end in segment.bindings]
+draw_arm(axes[1], np.array(limiting), "limits a radius", color="#CC79A7", linewidth=2)
+figure.legend(*axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+plt.show()
 
 # %% [markdown]
-# ## Counterexamples
+# ## A search for counterexamples
 #
-# Draw random configurations until many have their tool in the tube and the right sign of the elbow, and compute how near they come to
-# the post. This shares only the robot and the distances with `measure_tube`.
+# The next cell draws random configurations with the tool in the tube and the right sign of the
+# elbow. It computes the distance of each one from the post. Only the robot and the distances are
+# common with `measure_tube`.
 
 # %%
 rng = np.random.default_rng(0)
@@ -106,18 +119,18 @@ q = rng.uniform([-np.pi, -np.pi], [np.pi, 0.0], (400_000, 2))
 inside = (
     problem.tube.distance(problem.robot.tool_position(q)) <= problem.tube.effective_radius
 ).any(axis=1)
-near = q[inside][:3000]
-rotation, position = problem.robot.body_poses(near)
+sample = q[inside][:3000]
+rotation, position = problem.robot.body_poses(sample)
 distances = [
     problem.collision.distances(*pose, problem.collision.obstacle_pairs).min()
     for pose in zip(rotation, position, strict=True)
 ]
 print(
-    f"{len(near)} configurations in the tube, the post {1000 * min(distances):.1f} mm away or more"
+    f"{len(sample)} configurations in the tube, at least {1000 * min(distances):.1f} mm from the post"
 )
 
 # %% [markdown]
-# ## Which configurations are possible?
+# ## The possible configurations
 
 # %%
 survey = survey_patterns(written, MeasureOptions(samples=1000))
@@ -130,8 +143,9 @@ print("suggested:", survey.suggested)
 # %% [markdown]
 # ## From start and goal alone
 #
-# The paper leaves open where tubes come from. Here the arm reaches into one gap, must fold to leave it, and reaches into another. OMPL
-# finds routes, `find_route` turns the tool's path into a few reference points, and measures the tube around them.
+# The paper does not say where tubes come from. Here the arm reaches into one gap, has to fold to
+# leave it, and reaches into another gap. OMPL finds routes. `find_route` turns the path of the tool
+# into a few reference points and measures the tube around them.
 
 # %%
 task = load_problem("example:two_link/through_the_gap", reads_tube=False)
@@ -139,10 +153,9 @@ answer = find_route(task, RouteOptions(seed=1))
 print(answer.message)
 
 # %%
-found = answer.found
+route = answer.found
 figure, axis = plt.subplots(figsize=(7, 7), layout="constrained")
-draw_cell(axis, found.problem)
-draw_arm(axis, found.result.trajectory.sample(rate=40).position, color="#0072B2", linewidth=0.5)
-tool = found.problem.robot.tool_position(found.result.trajectory.sample(rate=500).position)
-axis.plot(*tool[:, :2].T, color="#D55E00", linewidth=2)
-_ = axis.set_title(f"{len(found.problem.tube.points)} reference points: {found.duration:.3f} s")
+draw_motion(axis, route.problem, route.result.trajectory)
+axis.legend(loc="lower left")
+axis.set_title(f"{len(route.problem.tube.points)} reference points: {route.duration:.3f} s")
+plt.show()

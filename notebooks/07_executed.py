@@ -9,12 +9,16 @@
 # ---
 
 # %% [markdown]
-# # When the arm is not its model
+# # When the arm differs from its model
 #
-# A certificate proves that the model keeps every limit. The arm in the cell weighs a little more or less, has friction that nobody gave, answers a millisecond
-# late, and stands half a millimetre from where it should. This notebook executes plans in MuJoCo with arms that differ so, sees where they leave the tube,
-# and plans a motion that they survive. What it shows of them was **seen** in some runs; it proves nothing of others. It takes one to two minutes, and
-# MuJoCo: `pip install -e '.[simulate]'` in a checkout.
+# A certificate proves that the model keeps every limit. The real arm is a little lighter or heavier
+# than the model, has friction outside the model, answers a millisecond late, and stands half a
+# millimetre off. This notebook executes plans in MuJoCo on arms with such errors, finds where the
+# tool leaves the tube, and plans a motion that all simulated arms survive. The results were
+# **seen** in some runs. They prove nothing about other arms.
+#
+# The notebook takes one to two minutes. It needs MuJoCo: `pip install -e '.[simulate]'` in a
+# checkout.
 
 # %%
 # %matplotlib inline
@@ -40,61 +44,69 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 # %% [markdown]
 # ## The shortest motion, executed
 #
-# `Robustness()` has the errors that a carefully built arm may still have; here its control runs at 500 Hz instead of 1 kHz, which halves what a simulated run takes.
-# `drawn_plants` draws arms with them, `executed` moves these along the plan under control by computed torque, and `judged_runs` says what they kept.
+# `Robustness()` has the errors of a carefully built arm. Here the controller runs at 500 Hz instead
+# of 1 kHz, which halves the time of a simulated run. `drawn_plants` draws arms with such errors,
+# `executed` moves them along the plan under computed-torque control, and `judged_runs` judges each
+# run.
 
 # %%
 wall = load_problem("example:ur5/over_the_wall")
 usual = Robustness(control_period=0.002)
 print(usual)
 
-# %%
+# %% picture=[0.48,0.08,0.96,0.418]
 QUICK = PlanOptions(quality="fast", slack=0.0)
 shortest = plan(wall, QUICK)
 
 
 def run(trajectory, errors=usual, arms=10):
-    """Return what arms with some errors did along a trajectory, and what they kept."""
+    """Return the execution of a trajectory by some arms, and the verdict on each run."""
     plants = drawn_plants(wall.robot, errors, Draw(arms))
     execution = executed(wall, trajectory, plants, errors.controller, errors.control_period)
     return execution, judged_runs(wall, trajectory, execution)
 
 
-def farthest(judged):
-    """Return how far beyond the tube the tool was at worst [mm]; below zero: inside."""
-    return 1000 * max(run.tube.value for run in judged)
+def farthest(verdicts):
+    """Return the largest distance of the tool beyond the tube [mm]; negative: inside."""
+    return 1000 * max(verdict.tube.value for verdict in verdicts)
 
 
-execution, judged = run(shortest.trajectory)
-figure = plot_execution(wall, shortest.trajectory, execution, judged)
-figure
+execution, verdicts = run(shortest.trajectory)
+plot_execution(wall, shortest.trajectory, execution, verdicts)
 
 # %% [markdown]
-# Most of them leave the tube: the plan touches its border and takes all that some motor has, so that nothing is left for feedback. The bottom panel shows which
-# motor it is.
+# Nine of ten arms leave the tube. The plan touches the border of the tube, and one motor or another
+# is at its limit, so feedback has no effort left. The bottom panel shows the motors at their
+# limits: at 0.1 s, where the tool leaves the tube, it is the shoulder lift joint.
 #
-# ## Slower does not help
+# ## A slower motion
 #
-# Run slower, the motion needs less of its motors. It still touches the border of its tube, and no arm follows it to the micrometre.
+# A slower motion needs less effort. It still touches the border of the tube, and no arm follows a
+# plan to the micrometre.
 
 # %%
 print(f"{'':24}{'runs failed':>12}{'out of the tube':>18}{'motor at its limit':>20}")
 for factor in (1.0, 1.1, 1.5, 2.0):
     slower = shortest.trajectory.scaled(factor)
-    _, judged = run(slower)
-    failed = sum(not one.survives for one in judged)
-    saturated = np.median([one.saturated for one in judged])
+    _, verdicts = run(slower)
+    failed = sum(not verdict.survives for verdict in verdicts)
+    saturated = np.median([verdict.saturated for verdict in verdicts])
     print(
-        f"{factor:4g} times {slower.duration:8.4f} s {failed:8} of {len(judged)}"
-        f"{farthest(judged):15.2f} mm{100 * saturated:15.0f} %"
+        f"{factor:4g} times {slower.duration:8.4f} s {failed:8} of {len(verdicts)}"
+        f"{farthest(verdicts):15.2f} mm{100 * saturated:15.0f} %"
     )
 
 # %% [markdown]
 # ## The motion that survives
 #
-# The field `robustness` of a problem asks for it. Efforts, velocities, radii and clearance are kept back, as much as simulated runs show to be needed, and the
-# motion is planned again. In the end 200 fresh arms judge it, with which nothing was chosen. `sweep_field` plans for masses that are known to the usual 5 % and to 15 %, with the other errors
-# as usual; here is the first answer.
+# The field `robustness` of a problem asks for a motion that survives. The planner simulates arms
+# and tightens the problem as far as the runs show to be necessary: lower efforts and velocities,
+# smaller radii, more clearance. Then it plans again. In the end 200 fresh arms judge the motion.
+# `sweep_field` plans for masses known to 5 % (the default) and to 15 %.
+#
+# The cell prints the first of the two answers. Its last lines have the tightening and its cost: the
+# remaining fractions of efforts and velocities, the decrease of the radii and the increase of the
+# clearance [m].
 
 # %%
 control = {"robustness.control_period": usual.control_period}
@@ -110,23 +122,23 @@ for part, cost in survival.costs.items():
     print(f"   {part}: {np.round(getattr(survival.tightening, part), 4)}, {1000 * cost:.1f} ms")
 
 # %%
-execution, judged = run(robust.trajectory)
-figure = plot_execution(wall, robust.trajectory, execution, judged)
-figure
+execution, verdicts = run(robust.trajectory)
+plot_execution(wall, robust.trajectory, execution, verdicts)
 
 # %% [markdown]
-# The certificate still holds for the whole limits; what is kept back of them is left for the arms. None of 200 failed: with 95 % confidence, at most 1.8 % of all arms
-# with such errors do. It is no proof: another 200 may have one that fails, and arms with other errors than these may all do.
+# The certificate still holds for the full limits. The reserves are left for the arms. None of 200
+# arms failed: with 95 % confidence, at most 1.8 % of all arms with such errors fail. This is no
+# proof. Another 200 arms may include one that fails, and arms with other errors may all fail.
 #
-# ## Whose fault is it?
+# ## The effect of each error
 #
-# Each error alone, on the shortest motion: how far beyond the tube the worst of 5 arms comes.
+# The next cell executes the shortest motion with one error at a time, on 5 arms each, and draws the
+# largest distance beyond the tube.
+
 
 # %%
-
-
 def exact_but(**errors):
-    """Return no errors but some, under the usual control."""
+    """Return a Robustness without errors but for the given ones, under the usual control."""
     return Robustness.exact(**errors, control_period=usual.control_period)
 
 
@@ -136,19 +148,21 @@ alone = [
     farthest(run(shortest.trajectory, exact_but(**{name: size}), 5)[1])
     for name, size in sizes.items()
 ]
-without_any = farthest(run(shortest.trajectory, exact_but(), 1)[1])
+without_errors = farthest(run(shortest.trajectory, exact_but(), 1)[1])
 figure, axis = plt.subplots(figsize=(8, 4.5), layout="constrained")
 axis.barh([f"{name} {size:g}" for name, size in sizes.items()], alone, color="C0")
-axis.axvline(without_any, color="black", linewidth=1, label="without any error")
+axis.axvline(without_errors, color="black", linewidth=1, label="without errors")
 axis.axvline(0, color="C1", linestyle="--", label="border of the tube")
 axis.invert_yaxis()
-axis.set(xlabel="farthest beyond the tube [mm]; below zero: inside")
+axis.set(xlabel="largest distance beyond the tube [mm]; negative: inside")
 axis.legend()
 plt.show()
 
 # %% [markdown]
-# This is the tolerance budget: what makes the longest bar is worth identifying better. Payload and friction do nothing because this problem gives neither. Bars do not
-# add up, for arms have all errors at once, in random directions; and five arms find the order, not the last tenth of a millimetre.
+# This is the error budget: identify the error with the longest bar first. Here these are delay, lag
+# and mass. Payload and friction have no effect, because the problem has neither. The bars do not
+# add up: an arm has all errors at once, in random directions. Five arms give the order of the
+# errors, not the last tenth of a millimetre.
 #
 # ## Duration against error
 #
@@ -156,10 +170,11 @@ plt.show()
 
 # %%
 for row in swept.rows:
-    seen = row.verdict
-    print(f"{row.value:g}: {row.duration:.4f} s, {seen.failed} of {seen.runs} failed")
+    verdict = row.verdict
+    print(f"{row.value:g}: {row.duration:.4f} s, {verdict.failed} of {verdict.runs} failed")
 plot_field_sweep(swept)
 
 # %% [markdown]
-# Masses that are known three times worse cost some milliseconds. To know them better than to 5 % can save no more than what surviving costs there: it hardly pays here. Where it does, and how to find
-# the numbers of your own arm: `docs/how_to/executed.md`.
+# Masses known to 15 % instead of 5 % cost 15 ms. Masses known better than to 5 % save at most 17
+# ms, the whole cost of robustness. The page `docs/how_to/executed.md` says how to find the errors
+# of your own arm.

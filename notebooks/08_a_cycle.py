@@ -11,13 +11,18 @@
 # %% [markdown]
 # # A whole cycle
 #
-# An arm in a cell does the same over and over: it reaches, grips, carries, lets go and comes back. What does that take from start to start, and where does the
-# time go? This notebook plans a cycle from its file, sees what it is worth to choose the configurations between moves together, and executes one from first
-# to last. It takes one to two minutes, and MuJoCo for the last part: `pip install -e '.[simulate]'` in a checkout.
+# An arm in a cell repeats one cycle: reach, grip, carry, release, return. How long does the cycle
+# take, and where does the time go? This notebook plans a cycle from its file, measures the gain
+# from choosing the configurations between moves together, and executes the cycle in simulation.
+#
+# The notebook takes one to two minutes. Its last part needs MuJoCo: `pip install -e '.[simulate]'`
+# in a checkout.
 
 # %%
 # %matplotlib inline
 from dataclasses import replace
+from pathlib import Path
+from tempfile import mkdtemp
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -29,7 +34,6 @@ from tubeplanner import (
     Move,
     PlanOptions,
     Robustness,
-    compare,
     executed_cycle,
     judged_cycle,
     load_cycle,
@@ -44,20 +48,21 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 QUICK = PlanOptions(quality="fast", slack=0.0)
 
 # %% [markdown]
-# ## What is in the file
+# ## The file
 #
-# A Panda takes a tray with a beaker on it out of one shelf and carries it level to the next. A cycle file has moves, each with its tube, and between them what happens at
-# rest: events that take time, and what the tool takes and lets go.
+# A Panda takes a tray with a beaker out of one shelf and carries it level to the next shelf. A
+# cycle file has moves, each with its tube. Between the moves it has steps at rest: events with a
+# duration, attached parts and detached parts.
 
 # %%
 tray = load_cycle("example:panda/tray_to_the_next_shelf")
 
 
-def told(step):
-    """Return a step of a cycle in a few words."""
+def description(step):
+    """Return the description of a step of a cycle."""
     if isinstance(step, Move):
-        end = "its end left open" if step.ends_openly else "its end given"
-        begin = ", no stop before it" if step.passes_through else ""
+        end = "open end" if step.ends_openly else "fixed end"
+        begin = ", passes through" if step.passes_through else ""
         return f"move   {step.name}: {end}{begin}"
     if isinstance(step, Event):
         setting = "" if step.setting is None else f" {step.setting}"
@@ -70,17 +75,20 @@ def told(step):
 
 print(tray)
 for step in tray.steps:
-    print("  ", told(step))
+    print("  ", description(step))
 
 # %% [markdown]
-# A move that passes through goes on without a stop where the one before it ends. Moves without stops between them are a *leg*, and legs meet at *seams*. Where an end is left open, only the
-# hand's place is given, and the tolerance of the tube: the configuration there is the planner's to choose. The cycle is closed: its last move ends where the first one begins.
+# A move that passes through continues the move before it without a stop. Moves without stops
+# between them are a *leg*; legs meet at *seams*. An open end has only the pose of the tool and its
+# tolerance: the planner chooses the configuration there. The cycle is closed: the last move ends at
+# the start of the first.
 #
 # ## The plan
 #
-# `plan_cycle` first plans every move alone, in order, each from where the last one ended. Then it chooses the open configurations so that the sum is shortest. The
-# certificate judges every leg with what it carries then, and what must hold at the seams: that joints do not jump, and that motors hold the arm at rest before and
-# after something changes hands.
+# `plan_cycle` first plans every move alone, in order, each from the end of the last one. Then it
+# chooses the open configurations for the shortest sum. The certificate judges every leg with the
+# parts that the tool carries. At the seams it proves that no joint jumps and that the motors hold
+# the arm at rest before and after each attached or detached part.
 
 # %%
 result = plan_cycle(tray, QUICK)
@@ -89,31 +97,24 @@ for name, (begin, end) in result.motion.move_times.items():
     print(f"   {begin:.4f} s  {name}: {end - begin:.4f} s")
 
 # %% [markdown]
-# What would a better robot, or a wider tube, buy? The prices are those of the whole cycle: limits of joints count in all moves, tolerances in their own. They hold with
-# the configurations at seams as they are; with these free to change, more may be saved.
+# Which limit costs most? The sensitivities are those of the whole cycle. A limit of a joint counts
+# in all moves, a tolerance in its own move. They hold with the configurations at the seams as they
+# are; if these change too, more time may be saved.
 
 # %%
 print("10 % more would save:")
-for price in result.sensitivities[:6]:
-    print("  ", price)
+for sensitivity in result.sensitivities[:6]:
+    print("  ", sensitivity)
 
 # %%
 certificate = result.certificate
 print(certificate)
 for leg in tray.legs:
-    judged = certificate.moves[leg.moves[0].name]
-    margins = {
-        name: condition.margin
-        for name, condition in judged.conditions.items()
-        if name not in ("rest", "continuity")  # which are kept to rounding
-        and condition.unit == "relative"
-        and condition.margin is not None
-    }
-    tightest = min(margins, key=margins.get)
-    print(f"   {leg.name}: nearest its limit is {tightest} ({judged.conditions[tightest].where})")
-for junction, conditions in certificate.junctions.items():
+    tube = certificate.moves[leg.moves[0].name].conditions["tube"]
+    print(f"   {leg.name}: tube {tube.margin:.2g} m, {tube.coverage}")
+for seam, conditions in certificate.seams.items():
     print(
-        f"   {junction}:",
+        f"   {seam}:",
         *(
             f"{name} {each.margin:.2g}"
             for name, each in conditions.items()
@@ -122,54 +123,62 @@ for junction, conditions in certificate.junctions.items():
     )
 
 # %% [markdown]
-# Moves of one leg are judged together. At a seam, the margin of continuity is minus the largest jump of a joint [rad], nothing but rounding here, and that of effort is what the
-# arm at rest leaves of its motors' torque, as a share. "closed" says how far the end is from the start.
+# The moves of one leg are judged together. At a seam, continuity is minus the largest jump of a
+# joint [rad], and dwell is the rest beyond the duration of the events [s]; both are rounding errors
+# here. The margin of effort is the free fraction of the effort limit at rest. The line "closed"
+# compares the end with the start.
 #
-# ## One look at everything
+# ## The motion
 #
-# The figure has all joints against the limits of their moves, with what happens at rest.
+# The figure has all joints against the limits of their moves, the steps at rest, the tubes of all
+# moves, and the arm.
 
-# %%
+# %% picture=[0.58,0.21,1.0,0.605]
 plot_cycle(tray, result.motion)
 
 # %% [markdown]
-# The page runs the cycle on one time line: drag it to turn it, and see how the tray is taken and let go. `view_cycle(...).save("cycle.html")` makes it a file that can be mailed and
-# opened without a network.
+# `view_cycle` makes a page that plays the cycle in three dimensions. `save` writes it as one file,
+# which opens in any browser without a network. In Jupyter, `view_cycle(...)` as the last line of a
+# cell shows the page there.
 
 # %%
-view_cycle(tray, [result.motion], ["tray"])
+page = Path(mkdtemp()) / "cycle.html"
+view_cycle(tray, [result.motion], ["tray"]).save(page)
+print(f"{page.name}: {page.stat().st_size / 1e6:.1f} MB")
 
 # %% [markdown]
-# ## What configurations in common change
+# ## Configurations chosen together
 #
-# The same cycle again, its moves planned alone. The first of two moves ends where it is itself the quickest, whatever that means for the second.
+# Here is the same cycle with its moves planned alone. The first of two moves then ends in its own
+# best configuration, even if the next move suffers.
 
 # %%
 alone = plan_cycle(tray, QUICK, shares_configurations=False)
 motions = {"alone": alone.motion, "together": result.motion}
-moved = [abs(q - p).max() for q, p in zip(*(m.junctions for m in motions.values()), strict=True)]
-junction = int(np.argmax(moved))
+seams = zip(*(motion.seams for motion in motions.values()), strict=True)
+changes = [abs(q_alone - q_together).max() for q_alone, q_together in seams]
+seam = int(np.argmax(changes))
 names = [leg.name for leg in tray.legs]
-print(f"largest change of a joint at every seam: {np.round(moved, 3)} rad")
-print(f"most between '{names[junction - 1]}' and '{names[junction]}':")
+print(f"largest change of a joint at each seam: {np.round(changes, 3)} rad")
+print(f"largest between '{names[seam - 1]}' and '{names[seam]}':")
 for name, motion in motions.items():
-    print(f"   {name:9}", np.round(motion.junctions[junction], 3), "rad")
+    print(f"   {name:9}", np.round(motion.seams[seam], 3), "rad")
 
 # %%
 
 
-def joint_places(robot, q):
-    """Return the places of all joints and the tool in a configuration (n,), shape (n + 1, 3) [m]."""
+def joint_positions(robot, q):
+    """Return the positions of n joints and the tool in a configuration (n,), (n + 1, 3) [m]."""
     _, position = robot.body_poses(q)
     return np.vstack([position, robot.tool_position(q)])
 
 
 figure, axes = plt.subplots(1, 2, figsize=(12, 5), layout="constrained")
 for motion, color in zip(motions.values(), ("C1", "C0"), strict=True):
-    places = joint_places(tray.robot, motion.junctions[junction])
+    joints = joint_positions(tray.robot, motion.seams[seam])
     tool = tray.robot.tool_position(motion.trajectory.sample(rate=200).position)
     for axis, (i, j) in zip(axes, ((0, 1), (1, 2)), strict=True):
-        axis.plot(places[:, i], places[:, j], "o-", color=color, linewidth=4, alpha=0.8)
+        axis.plot(joints[:, i], joints[:, j], "o-", color=color, linewidth=4, alpha=0.8)
         axis.plot(tool[:, i], tool[:, j], color=color, linewidth=1)
 for axis, (x, y), side in zip(axes, ("xy", "yz"), ("above", "the side"), strict=True):
     axis.set(aspect="equal", xlabel=f"{x} [m]", ylabel=f"{y} [m]", title=f"seen from {side}")
@@ -177,7 +186,8 @@ figure.legend(axes[0].lines[::2], motions, loc="outside lower center", ncols=2)
 plt.show()
 
 # %% [markdown]
-# The hand is in the same place, level both times; the arm that holds it is not. Where did the time go? Move by move:
+# The tool has the same position both times and is level; the arm behind it differs. Where does the
+# time go? The durations of the moves:
 
 # %%
 figure, axis = plt.subplots(figsize=(8, 4), layout="constrained")
@@ -196,18 +206,17 @@ axis.legend()
 plt.show()
 
 # %% [markdown]
-# A move may well become slower, where the next one gains more.
+# Choosing together saves most in `tray_into_the_shelf` and costs a little in the moves before it.
 #
-# ## Beside what is usual
+# ## Comparison with stops
 #
-# Usual is a stop after every move, or, along straight lines, even at every point. The first column, "lines", is TOPP-RA's scheme exactly solved: the fastest run along the tool's
-# straight lines with a stop at every point, between the configurations that the plan with stops has at its seams. It may switch motors instantly, and knows neither jerk limits nor
-# obstacles: what could really be driven along the lines is slower. In the last column moves pass through where the file says so.
+# A usual cycle stops after every move. The next cell plans such a cycle ("stops") and compares the
+# durations with those of the file, whose moves pass through where it says so ("through").
 
 
 # %%
 def with_stops(cycle):
-    """Return a cycle that stops after every move."""
+    """Return a cycle with a stop after every move."""
     steps = [
         replace(step, passes_through=False) if isinstance(step, Move) else step
         for step in cycle.steps
@@ -216,60 +225,57 @@ def with_stops(cycle):
 
 
 def durations(motion):
-    """Return how long every move takes [s]."""
+    """Return the duration of each move [s]."""
     return {name: end - begin for name, (begin, end) in motion.move_times.items()}
 
 
 stopping = plan_cycle(with_stops(tray), QUICK)
 stops, through = durations(stopping.motion), durations(result.motion)
-problems = stopping.motion.cycle.problems(stopping.motion.junctions)
-blocked = []
-print(f"{'duration [s]':26} {'lines':>8} {'stops':>8} {'through':>8}")
-for name, problem in zip(stops, problems, strict=True):
-    (lines,) = compare(problem, ["bang-bang"]).rows
-    if lines.duration is None:
-        blocked.append(f"{name}: {lines.message}")
-    along = np.nan if lines.duration is None else lines.duration
-    print(f"{name:26} {along:8.4f} {stops[name]:8.4f} {through[name]:8.4f}")
-print(*blocked, sep="\n")
+print(f"{'duration [s]':26} {'stops':>8} {'through':>8}")
+for name in stops:
+    print(f"{name:26} {stops[name]:8.4f} {through[name]:8.4f}")
 
 # %% [markdown]
-# nan: some straight line cannot be run between the configurations that it is given, for the reason below the table. The whole cycle, rests included, with moves that are planned
-# one after the other, and with configurations chosen in common:
+# The same for whole cycles, rests included, with configurations chosen one after the other
+# ("alone") and together:
 
 # %%
-for called, each in (("stops", stopping), ("through", result)):
-    print(f"{called:8} alone {each.greedy_duration:.4f} s, together {each.duration:.4f} s")
+for label, plan in (("stops", stopping), ("through", result)):
+    print(f"{label:8} alone {plan.greedy_duration:.4f} s, together {plan.duration:.4f} s")
 
 # %% [markdown]
-# How much sharing gains depends on how many ends are left open and how freely the hand may turn there; an arm of seven joints has more to choose than one of six. The README has
-# the same of all bundled cycles.
+# The gain depends on the number of open ends and on the freedom of the tool there. An arm with
+# seven joints has more choices than one with six.
 #
-# ## Executed as a whole
+# ## The executed cycle
 #
-# Ten arms that differ from their model as carefully built ones do run the cycle without a break, under control at 500 Hz. The tray and the beaker are in the simulated hand from the
-# instant on in which they are taken, each with an error of its own mass. `07_executed.py` says what is simulated, and how a single motion is planned that survives.
+# Ten arms with the errors of carefully built ones run the cycle without a break, under control at
+# 500 Hz. Tray and beaker are in the simulated gripper from the instant of their attachment on, each
+# with its own error of mass. Notebook 7 describes the simulation, and how to plan a motion that
+# survives.
 
 # %%
 errors = Robustness(control_period=0.002)
 execution = executed_cycle(result.motion, errors, Draw(10))
-judged = judged_cycle(result.motion, execution)
-print(run_verdict(judged.runs))
-for names, runs in judged.legs.items():
+verdicts = judged_cycle(result.motion, execution)
+print(run_verdict(verdicts.runs))
+for names, runs in verdicts.legs.items():
     worst = 1000 * max(run.tube.value for run in runs)
-    print(f"   {', '.join(names)}: {worst:.2f} mm beyond the tube at worst")
-for handover in judged.handovers:
+    print(f"   {', '.join(names)}: at worst {worst:.2f} mm beyond the tube")
+for handover in verdicts.handovers:
     distance, angle = 1000 * handover.distance.max(), np.degrees(handover.angle.max())
     print(
         f"   {handover.mark.kind} {handover.mark.name}: {distance:.2f} mm, {angle:.2f} degrees off"
     )
 
 # %%
-plot_cycle_execution(result.motion, execution, judged)
+plot_cycle_execution(result.motion, execution, verdicts)
 
 # %% [markdown]
-# The shortest motion touches the borders of its tubes, and arms that differ cross them. Where something changes hands the arm is at rest: what remains there are errors of where
-# it stands, of its tool, and what feedback leaves of the others. The same from a shell:
+# The shortest motion touches the borders of its tubes, so arms with errors cross them by up to half
+# a millimetre. The bottom panel is empty: no motor is at its effort limit. At attachments and
+# detachments the arm is at rest; the errors left there are those of its base, its tool and the
+# feedback. The same on the command line:
 #
 # ```sh
 # tubeplanner plan example:panda/tray_to_the_next_shelf -o tray.json --html tray.html
