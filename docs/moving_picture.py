@@ -146,6 +146,8 @@ class Frames:
         self._trail = self._space.plot([], [], color=PATH_COLOR, linewidth=2.4, zorder=4)[0]
         self._tool = self._space.plot([], [], "o", color=PATH_COLOR, markersize=6, zorder=5)[0]
         self._clock = self._figure.text(0.014, 0.972, "", fontsize=13, va="top")
+        self._figure.text(0.014, 0.163, "path of the tool", fontsize=10, color=PATH_COLOR)
+        self._figure.text(0.014, 0.128, "tube: the tool stays inside", fontsize=10)
 
     def picture(self, time: float, remark: str = "") -> Image.Image:
         """Return the frame at a time [s], with a remark in place of the step's name."""
