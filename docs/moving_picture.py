@@ -235,7 +235,7 @@ def main(path: Path) -> None:
     assert result.motion is not None
     frames, duration = Frames(Scene(cycle, result.motion)), result.motion.trajectory.duration
     times = [*np.arange(0.0, duration, 1 / RATE).tolist(), duration]
-    remarks = ["" for _ in times[:-1]] + [", every limit proved"]
+    remarks = ["" for _ in times[:-1]] + ["every limit proved"]
     pictures = [frames.picture(*each) for each in zip(times, remarks, strict=True)]
     wait = [round(1000 / RATE)] * (len(times) - 1)
     pictures[0].save(
