@@ -59,7 +59,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--problems", nargs="+", default=ARMS, metavar="NAME")
     options = parser.parse_args()
-    print("| problem | ours | TOPP-RA, arcs | IPOPT, no obstacles |\n|---|---|---|---|")
+    print("| problem | ours | TOPP-RA, arcs | IPOPT, blind to obstacles |\n|---|---|---|---|")
     remarks: list[str] = []
     for name in options.problems:
         print(row(name, remarks), flush=True)
