@@ -1,9 +1,9 @@
-# Two commands on a fresh machine: `make demo` plans the bundled UR5 problem, `make test` runs the tests.
+# Two commands on a fresh machine: `make demo` plans a bundled cycle, `make test` runs the tests.
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PROBLEM ?= example:ur5/over_the_wall
+PROBLEM ?= example:panda/tray_to_the_next_shelf
 JOBS ?= 2
 SEED ?= 1
 # A budget of `make study` for each of its parts [s].

@@ -29,19 +29,28 @@ class Picture(NamedTuple):
     """A picture of the gallery.
 
     Attributes:
-        commands: What makes it, one a line; the last one writes NAME.png, or NAME.html.
+        commands: What makes it, one a line; the last one writes NAME.png (or the ending that is
+            stated), or NAME.html.
         seen: What is to be seen in it.
         instant: Of a page: at what time it is shown [s]; None: the picture is no page's.
         problem: The page here whose first problem file the commands take as problem.yaml.
+        ending: Of its file.
     """
 
     commands: str
     seen: str
     instant: float | None = None
     problem: str | None = None
+    ending: str = "png"
 
 
 PICTURES = {
+    "demo": Picture(
+        "python docs/moving_picture.py demo.webp",
+        "The cycle of `make demo`, in real time: the tool stays in the tube of each move, and no "
+        "curve crosses its limit.",
+        ending="webp",
+    ),
     "over_the_wall": Picture(
         "tubeplanner plan example:ur5/over_the_wall --plot over_the_wall.png",
         "Some limit on the speed binds nearly all the time: the motion could hardly be faster.",
@@ -113,7 +122,7 @@ def gallery() -> str:
     """Return the gallery as Markdown: each picture, what is seen in it and what makes it."""
     return "\n\n".join(
         f"## {name}\n\n{picture.seen}\n\n```sh\n{picture.commands}\n```\n\n"
-        f"![{picture.seen}]({name}.png)"
+        f"![{picture.seen}]({name}.{picture.ending})"
         for name, picture in PICTURES.items()
     )
 
@@ -131,7 +140,7 @@ def draw(name: str, folder: Path) -> None:
     for line in picture.commands.splitlines():
         command = [sys.executable, *_arguments(shlex.split(line))]
         subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
-    target = folder / f"{name}.png"
+    target = folder / f"{name}.{picture.ending}"
     if picture.instant is not None and browser is not None:
         page = f"{(folder / f'{name}.html').as_uri()}#t={picture.instant}"
         more = [f"--user-data-dir={folder / 'profile'}", f"--screenshot={target}"]

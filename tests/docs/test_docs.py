@@ -15,7 +15,7 @@ from arms import rail_arm
 from ruamel.yaml import YAML
 
 import tubeplanner
-from tubeplanner import PlanOptions, load_cycle, load_study, parse_problem, read_preset
+from tubeplanner import PlanOptions, load_cycle, load_study, read_preset
 from tubeplanner.cli import plan as plan_command
 from tubeplanner.cli.main import cli, main
 from tubeplanner.output.files.fingerprint import problem_hash
@@ -363,14 +363,35 @@ def first_block(language, text):
     return re.search(rf"```{language}\n(.*?)```", text, re.S).group(1)
 
 
-@pytest.mark.dear("plans for a UR5")
-def test_the_ten_lines_run_and_the_problem_file_is_planned(planned_once, capsys):
-    code = first_block("python", README)
-    assert len([line for line in code.splitlines() if line.strip()]) <= 11
-    exec(compile(code, "README.md", "exec"), {})
-    assert "certified trajectory of" in capsys.readouterr().out
-    fields = YAML(typ="safe", pure=True).load(first_block("yaml", README))
-    assert tubeplanner.plan(parse_problem(fields)).succeeded
+def demo_command():
+    """Return what `make demo` runs, as a command line."""
+    text = (ROOT / "Makefile").read_text()
+    problem = re.search(r"^PROBLEM \?= (.*)$", text, re.M).group(1)
+    recipe = re.search(r"^demo:.*\n(?:\t.*\n)*?\t\$\(BIN\)/(tubeplanner .*)$", text, re.M).group(1)
+    return recipe.replace("$(PROBLEM)", problem)
+
+
+@pytest.mark.slow  # plans the cycle of `make demo`
+def test_commands_of_the_readme_print_what_it_shows(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("output").mkdir()
+    assert "$ make demo\n" in README
+    run_page(README.replace("$ make demo\n", f"$ {demo_command()}\n"), "README.md")
+
+
+def test_the_demo_is_a_motion_that_a_machine_can_follow():
+    peak = re.search(r"tool acceleration ([\d.]+) m/s\^2", README)
+    assert float(peak.group(1)) < 3 * 9.81  # [m/s^2]
+
+
+def test_the_readme_fits_a_page():
+    prose = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", BLOCK.sub("", README))
+    assert len(re.findall(r"\w[^\s|]*", prose)) <= 700
+    assert all(len(line) < 120 for line in README.splitlines() if not line.startswith("|"))
+
+
+def test_the_changelog_fits_a_page():
+    assert len((ROOT / "CHANGELOG.md").read_text().splitlines()) <= 60
 
 
 def anchors(text):
@@ -381,7 +402,9 @@ def anchors(text):
     return {*slugs, *re.findall(r'<a id="([\w.]+)"></a>', text)}
 
 
-@pytest.mark.parametrize("page", [*ALL_PAGES, "CONTRIBUTING.md", "tests/README.md"])
+@pytest.mark.parametrize(
+    "page", [*ALL_PAGES, "CONTRIBUTING.md", "tests/README.md", "notebooks/README.md"]
+)
 def test_every_link_of_a_page_has_a_text_and_leads_somewhere(page):
     """On a code host too, which fills in no text and no directive."""
     path = ROOT / page

@@ -22,6 +22,7 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.outcome import PlanningClock, Progress
+from tubeplanner.planning import cycle_strategy
 from tubeplanner.planning.strategy import shortest_plan
 from tubeplanner.resources import bundled_cycles
 from tubeplanner.task.cycle_file import load_cycle
@@ -120,6 +121,15 @@ def test_rests_take_their_time_and_what_is_attached_weighs() -> None:
         assert not result.motion.trajectory.velocity(middle).any()
     duration = [result.legs[1].duration for result in (bare, heavy)]
     assert duration[1] > 1.03 * duration[0]
+
+
+def test_a_note_on_every_move_is_there_once_without_their_names(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # The plan of a leg repeats the notes on its robot.
+    monkeypatch.setattr(cycle_strategy, "robot_notes", lambda _: ("of the robot", "of the robot"))
+    notes = plan_cycle(two_moves(), SHORTEST, shares_configurations=False).notes
+    assert [note for note in notes if "of the robot" in note] == ["of the robot"]
 
 
 @pytest.mark.parametrize(

@@ -224,7 +224,8 @@ def _notes(cycle: Cycle, shortest: Sequence[LegPlan], plans: Sequence[LegPlan]) 
     names_by_note: dict[str, list[str]] = {}
     for leg, plan in zip(cycle.legs, shortest, strict=True):
         problem = plan.problem
-        for note in (*robot_notes(problem.robot), *problem.tube.notes, *plan.result.notes):
+        own = (*robot_notes(problem.robot), *problem.tube.notes, *plan.result.notes)
+        for note in dict.fromkeys(own):
             names_by_note.setdefault(note, []).append(leg.name)
     notes = [
         note if len(names) == len(cycle.legs) else f"move {', '.join(names)}: {note}"
