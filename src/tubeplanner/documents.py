@@ -209,7 +209,13 @@ class _Builder:
         merged: dict[object, object] = {}
         while _kind(event := self._next()) != "MappingEnd":
             if _kind(event) == "Scalar" and event.value == "<<" and event.implicit[0]:
-                self._merge(merged, depth)
+                event = self._next()
+                value = self._value(event, depth + 1)
+                for each in value if isinstance(value, list) else [value]:
+                    if not isinstance(each, dict):
+                        raise _fault(event, "<< takes a map or a list of maps")
+                    for key, member in each.items():
+                        merged.setdefault(key, member)  # the first map that has a key holds
                 continue
             key = self._value(event, depth + 1)
             if isinstance(key, list | dict):
@@ -221,16 +227,6 @@ class _Builder:
                 raise _fault(event, f'found duplicate key "{name}"')
             own[key] = self._value(self._next(), depth + 1)
         return {**merged, **own} if merged else own
-
-    def _merge(self, merged: dict[object, object], depth: int) -> None:
-        """Add the maps after a `<<`; the first map that has a key holds."""
-        event = self._next()
-        value = self._value(event, depth + 1)
-        for each in value if isinstance(value, list) else [value]:
-            if not isinstance(each, dict):
-                raise _fault(event, "<< takes a map or a list of maps")
-            for key, member in each.items():
-                merged.setdefault(key, member)
 
 
 def _scalar(event: _Event) -> object:

@@ -178,7 +178,11 @@ def turning_gain_rate(angle: FloatArray) -> FloatArray:
 
     From its three terms: 1/2 + |c'| a^2 + 2 c a, increasing in a.
     """
-    return 0.5 + _second_slope(angle) * angle**2 + 2 * _second_coefficient(angle) * angle
+    # c' = -2 / a^3 + cot(a / 2) / (2 a^2) + 1 / (4 a sin^2(a / 2)).
+    a = np.maximum(angle, _SMALL)
+    closed = -2 / a**3 + 1 / (2 * a**2 * np.tan(a / 2)) + 1 / (4 * a * np.sin(a / 2) ** 2)
+    slope = np.where(angle < _SMALL, angle / 360, closed)
+    return 0.5 + slope * angle**2 + 2 * _second_coefficient(angle) * angle
 
 
 def _second_coefficient(angle: FloatArray) -> FloatArray:
@@ -186,10 +190,3 @@ def _second_coefficient(angle: FloatArray) -> FloatArray:
     a = np.maximum(angle, _SMALL)
     closed = 1 / a**2 - 1 / (2 * a * np.tan(a / 2))
     return np.where(angle < _SMALL, 1 / 12 + angle**2 / 720, closed)
-
-
-def _second_slope(angle: FloatArray) -> FloatArray:
-    """Return dc/da = -2 / a^3 + cot(a / 2) / (2 a^2) + 1 / (4 a sin^2(a / 2))."""
-    a = np.maximum(angle, _SMALL)
-    closed = -2 / a**3 + 1 / (2 * a**2 * np.tan(a / 2)) + 1 / (4 * a * np.sin(a / 2) ** 2)
-    return np.where(angle < _SMALL, angle / 360, closed)

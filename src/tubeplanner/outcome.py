@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
@@ -70,24 +70,29 @@ class Location:
         """Return the fields as JSON values."""
         return asdict(self)
 
+    @classmethod
+    def of_dict(cls, fields: Mapping[str, Any]) -> "Location":
+        """Return the location of values from `as_dict`, as `json.loads` returns them."""
+        values: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in fields.items()
+        }
+        return cls(**values)
+
     def __str__(self) -> str:
         parts = []
         if self.links:
             parts.append(" and ".join(self.links))
-        if self.obstacle is not None:
-            parts.append(f"to '{self.obstacle}'")
-        if self.joint is not None:
-            parts.append(self.joint)
-        if self.move is not None:
-            parts.append(f"move '{self.move}'")
-        if self.segment is not None:
-            parts.append(f"segment {self.segment}")
-        if self.point is not None:
-            parts.append(f"point {self.point}")
-        if self.point_speed is not None:
-            parts.append(f"point_speed {self.point_speed}")
-        if self.time is not None:
-            parts.append(f"t = {self.time:.4f} s")
+        for text, value in (
+            ("to '{}'", self.obstacle),
+            ("{}", self.joint),
+            ("move '{}'", self.move),
+            ("segment {}", self.segment),
+            ("point {}", self.point),
+            ("point_speed {}", self.point_speed),
+            ("t = {:.4f} s", self.time),
+        ):
+            if value is not None:
+                parts.append(text.format(value))
         if self.position is not None:
             parts.append("tool at [" + ", ".join(f"{x:.3f}" for x in self.position) + "] m")
         return ", ".join(parts)

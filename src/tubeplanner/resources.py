@@ -409,11 +409,11 @@ def _package_name(folder: Path) -> str | None:
 
 def _not_found(what: str, package: str, roots: PackageDirs) -> str:
     folders = [root if isinstance(root, Path) else root[1] for root in roots]
-    tried = ", ".join(map(str, dict.fromkeys(folders)))
+    searched = ", ".join(map(str, dict.fromkeys(folders)))
     names = {name for each in folders for name in (each.name, _package_name(each)) if name}
     near = sorted(name for name in names if name.casefold() == package.casefold())
     case = f"; there is '{near[0]}' (upper and lower case count)" if near else ""
     return (
-        f"{what} was not found{case}; folders tried: {tried}. "
+        f"{what} was not found{case}; folders tried: {searched}. "
         f"Add the folder that holds '{package}' to package_dirs"
     )

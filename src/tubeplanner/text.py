@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from typing import Any
@@ -111,6 +111,15 @@ def value_text(value: Any) -> str:
 # ---- Cells of tables that spreadsheets would run: text that begins as a formula does.
 
 FORMULA_BEGINS = ("=", "+", "-", "@")
+
+
+def csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return a table as CSV that is safe to open in a spreadsheet."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return without_formulas(stream.getvalue())
 
 
 def without_formulas(table: str) -> str:

@@ -10,7 +10,6 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 
 from tubeplanner.errors import OutputError
 
@@ -35,8 +34,8 @@ def signals_held() -> Iterator[None]:
         for number, handler in reversed(before.items()):
             # None: the program that embeds Python set the handler; Python cannot restore it.
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
-        for held in pending:
-            signal.raise_signal(held)
+        for pending_signal in pending:
+            signal.raise_signal(pending_signal)
 
 
 # ---- New content of a file, staged beside the file.
@@ -69,12 +68,7 @@ class StagedFile:
     def __enter__(self) -> "StagedFile":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Remove the staged file unless the target is replaced."""
         if self._descriptor is not None:
             self._path.unlink(missing_ok=True)

@@ -25,7 +25,7 @@ def loaded(monkeypatch, **environment):
         monkeypatch.delenv(name, raising=False)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
-    return library._loaded()
+    return NativeLibrary.load()
 
 
 def elsewhere(monkeypatch, folder):

@@ -95,22 +95,20 @@ def judged_cycle(
     legs: dict[tuple[str, ...], list[JudgedRun]] = {}
     for leg in executed_legs(motion, execution):
         judged = judged_runs(leg.problem, leg.trajectory, leg.execution, checkpoint, errors)
-        legs[tuple(move.name for move in leg.leg.moves)] = [_in_cycle(run, leg) for run in judged]
+        runs_of_leg = legs[tuple(move.name for move in leg.leg.moves)] = []
+        for run in judged:
+            extremes: dict[str, Any] = {
+                name: replace(extreme, location=leg.leg.in_cycle(extreme.location, leg.begin))
+                for name, extreme in vars(run).items()
+                if isinstance(extreme, Extreme)
+            }
+            runs_of_leg.append(replace(run, **extremes))
     saturated = execution.is_saturated.any(axis=2).mean(axis=1)
     runs = [
         replace(_whole(run), saturated=float(fraction))
         for run, fraction in zip(zip(*legs.values(), strict=True), saturated, strict=True)
     ]
     return JudgedCycle(legs, runs, list(handover_errors(motion, execution)))
-
-
-def _in_cycle(run: JudgedRun, leg: "ExecutedLeg") -> JudgedRun:
-    extremes: dict[str, Any] = {
-        name: replace(extreme, location=leg.leg.in_cycle(extreme.location, leg.begin))
-        for name, extreme in vars(run).items()
-        if isinstance(extreme, Extreme)
-    }
-    return replace(run, **extremes)
 
 
 def _whole(legs: Sequence[JudgedRun]) -> JudgedRun:

@@ -83,11 +83,18 @@ def tube_excursions(
         tool: Positions of the tool centre point, shape (K, 3) [m].
     """
     margins = _margins(problem, time, q, rotation, tool)
-    by_rotation = margins.rotation
+    by_rotation, tube, passages = margins.rotation, margins.problem.tube, []
+    for k, margin in margins.passing.items():
+        counts = (margins.last >= k - 1) & (margins.first <= k)
+        if tube.visit != "ordered":
+            counts = np.ones_like(counts)
+        best = int(np.where(counts, margin, -np.inf).argmax())
+        location = Location(time=float(margins.time[best]), point=int(tube.numbers[k]))
+        passages.append(Extreme(-float(margin[best]), location))
     return TubeExcursions(
         _worst(margins, margins.tube),
         None if by_rotation is None else _worst(margins, by_rotation),
-        _worst_passage(margins),
+        max(passages, key=lambda extreme: extreme.value, default=None),
         -margins.tube.min(axis=0),
         np.full(margins.tube.shape[1], -_FREE) if by_rotation is None else -by_rotation.min(axis=0),
     )
@@ -156,39 +163,29 @@ def _margins(
     radius, points = passing_radius(tube.effective_radius), tube.compulsory_points.tolist()
     in_balls = [radius[k - 1] - np.linalg.norm(tool - tube.points[k], axis=1) for k in points]
     samples = np.hstack([time[:, None], *margins, *(margin[:, None] for margin in in_balls)])
-    rows = _with_crossings(samples, np.minimum.reduce(margins))
-    columns = np.arange(1, rows.shape[1] - len(points)).reshape(-1, tube.segment_count)
-    by_kind = [rows[:, column] for column in columns]
-    passing = {k: rows[:, i - len(points)] for i, k in enumerate(points)}
-    first, last = _current_segments(joined, np.minimum.reduce(by_kind), passing)
-    segment = np.arange(tube.segment_count)
-    is_current = (segment >= first[:, None]) & (segment <= last[:, None])
-    current = [np.where(is_current, margin, _FREE) for margin in by_kind]
-    by_rotation = current[2] if tube.rotation is not None and tube.rotation.is_bounded else None
-    return _Margins(joined, rows[:, 0], current[0], by_rotation, passing, first, last)
-
-
-def _with_crossings(rows: FloatArray, margin: FloatArray) -> FloatArray:
-    """Return rows (K, c), with interpolated rows where neighbouring segments fit equally well."""
-    nearer = np.diff(margin, axis=1)
+    # Interpolated rows where neighbouring segments fit equally well.
+    nearer = np.diff(np.minimum.reduce(margins), axis=1)
     before, column = np.nonzero(nearer[:-1] * nearer[1:] < 0)
     begin, end = nearer[before, column], nearer[before + 1, column]
     fraction = (begin / (begin - end))[:, None]
-    between = rows[before] + fraction * (rows[before + 1] - rows[before])
-    merged = np.concatenate([rows, between])
-    return merged[np.argsort(merged[:, 0], kind="stable")]
-
-
-def _current_segments(
-    problem: PlanningProblem, margin: FloatArray, passing: dict[int, FloatArray]
-) -> tuple[IntArray, IntArray]:
-    """Return the first and the last current segment of each sample, (K,) each."""
-    if problem.tube.visit != "ordered":
-        best = margin.argmax(axis=1)
-        return best, best
-    switches, samples = ordered_switching_samples(margin, passing), np.arange(len(margin))
-    first = np.searchsorted(switches, samples, side="left")
-    return first, np.searchsorted(switches, samples, side="right")
+    between = samples[before] + fraction * (samples[before + 1] - samples[before])
+    rows = np.concatenate([samples, between])
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    columns = np.arange(1, rows.shape[1] - len(points)).reshape(-1, tube.segment_count)
+    by_kind = [rows[:, column] for column in columns]
+    passing = {k: rows[:, i - len(points)] for i, k in enumerate(points)}
+    margin = np.minimum.reduce(by_kind)
+    if tube.visit == "ordered":
+        switches, indices = ordered_switching_samples(margin, passing), np.arange(len(margin))
+        first = np.searchsorted(switches, indices, side="left")
+        last = np.searchsorted(switches, indices, side="right")
+    else:
+        first = last = margin.argmax(axis=1)
+    segment = np.arange(tube.segment_count)
+    is_current = (segment >= first[:, None]) & (segment <= last[:, None])
+    current = [np.where(is_current, each, _FREE) for each in by_kind]
+    by_rotation = current[2] if tube.rotation is not None and tube.rotation.is_bounded else None
+    return _Margins(joined, rows[:, 0], current[0], by_rotation, passing, first, last)
 
 
 def _worst(margins: _Margins, margin: FloatArray) -> Extreme:
@@ -196,19 +193,6 @@ def _worst(margins: _Margins, margin: FloatArray) -> Extreme:
     number = margins.problem.tube.segment_number(int(column))
     location = Location(time=float(margins.time[sample]), segment=number)
     return Extreme(-float(margin[sample, column]), location)
-
-
-def _worst_passage(margins: _Margins) -> Extreme | None:
-    """Return the excursion at the compulsory point missed most."""
-    tube, result = margins.problem.tube, []
-    for k, margin in margins.passing.items():
-        counts = (margins.last >= k - 1) & (margins.first <= k)
-        if tube.visit != "ordered":
-            counts = np.ones_like(counts)
-        best = int(np.where(counts, margin, -np.inf).argmax())
-        location = Location(time=float(margins.time[best]), point=int(tube.numbers[k]))
-        result.append(Extreme(-float(margin[best]), location))
-    return max(result, key=lambda extreme: extreme.value, default=None)
 
 
 # ---- Clearances of executed motions from obstacles and between links, at samples.

@@ -158,9 +158,18 @@ def _judged(
     units = np.where(problem.robot.revolute, 1.0, LENGTH_PER_ANGLE)
     off = abs(q - planned) / units
     worst = _largest(problem, time, off)
+    # Of the joint farthest from the plan: 1 rad, or the length that counts as much.
     unit = float(units[problem.robot.joint_names.index(worst.location.joint)])
     farthest = int(distance.argmax())
     limits, speed = problem.robot.limits, abs(execution.velocity[run])
+    tolerance, path = errors.velocity_tolerance, errors.path_tolerance
+    if tolerance is None:
+        tolerance = limits.velocity_tolerance
+    stops = {
+        "velocity": 1 + (_VELOCITY_TOLERANCE if tolerance is None else tolerance),
+        "tracking": None if path is None else unit * path,
+        "tool_tracking": errors.tool_tolerance,
+    }
     beyond = np.array([limits.lower_position - q, q - limits.upper_position]).clip(min=-_FREE)
     return JudgedRun(
         tube=excursions.tube,
@@ -176,32 +185,13 @@ def _judged(
         obstacles=obstacles,
         self_collision=self_collision,
         clearance=problem.clearance,
-        stops=_stops(problem, errors, unit),
+        stops={name: value for name, value in stops.items() if value is not None},
         tube_by_segment=excursions.tube_by_segment,
         rotation_by_segment=excursions.rotation_by_segment,
         position_by_joint=beyond.max(axis=1),
         velocity_by_joint=(speed / limits.velocity).max(axis=0),
-        tracking_by_joint=off.max(axis=0) / (errors.path_tolerance or np.inf),
+        tracking_by_joint=off.max(axis=0) / (path or np.inf),
     )
-
-
-def _stops(problem: PlanningProblem, errors: Robustness, unit: float) -> dict[str, float]:
-    """Return the values at which the controller stops, by quantity.
-
-    Args:
-        problem: The planning problem.
-        errors: The field with the controller's stops.
-        unit: Unit of the joint farthest from the plan: 1 rad, or the length that counts as much.
-    """
-    tolerance, path = errors.velocity_tolerance, errors.path_tolerance
-    if tolerance is None:
-        tolerance = problem.robot.limits.velocity_tolerance
-    stops = {
-        "velocity": 1 + (_VELOCITY_TOLERANCE if tolerance is None else tolerance),
-        "tracking": None if path is None else unit * path,
-        "tool_tracking": errors.tool_tolerance,
-    }
-    return {name: value for name, value in stops.items() if value is not None}
 
 
 def _largest(problem: PlanningProblem, time: FloatArray, values: FloatArray) -> Extreme:
@@ -248,16 +238,14 @@ class RunSummary:
 
 def summaries(runs: Sequence[JudgedRun]) -> dict[str, RunSummary | None]:
     """Return the worst and the median of every quantity of `JudgedRun`; None: not required."""
-    return {name: _summary(runs, name, least) for name, least in _QUANTITIES.items()}
-
-
-def _summary(runs: Sequence[JudgedRun], name: str, least: bool) -> RunSummary | None:
-    extremes = [extreme for run in runs if (extreme := getattr(run, name)) is not None]
-    if not extremes:
-        return None
-    values = np.array([extreme.value for extreme in extremes])
-    run = int(values.argmin() if least else values.argmax())
-    return RunSummary(extremes[run], run, float(np.median(values)))
+    result: dict[str, RunSummary | None] = dict.fromkeys(_QUANTITIES)
+    for name, is_least in _QUANTITIES.items():
+        extremes = [extreme for run in runs if (extreme := getattr(run, name)) is not None]
+        if extremes:
+            values = np.array([extreme.value for extreme in extremes])
+            worst = int(values.argmin() if is_least else values.argmax())
+            result[name] = RunSummary(extremes[worst], worst, float(np.median(values)))
+    return result
 
 
 # ---- Verdict: number of failed runs, and confidence bounds on the fraction of all that fail.

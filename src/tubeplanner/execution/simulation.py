@@ -170,7 +170,13 @@ class _Run:
         gravity = stage.robot.gravity_effort(start)[0]
         self._drives = Drives(stage.robot, stage.plants, gravity, step)
         self._arms, self._step = ArmsTogether(arms), step
-        self._noise = _noise(stage.plants, len(time) + 1, stage.robot.joint_count)
+        instants = len(time) + 1, stage.robot.joint_count
+        # Errors of measured positions, (R, instants, n), one before the first for its velocity.
+        drawn = [
+            plant.noise * np.random.default_rng(plant.noise_seed).normal(size=instants)
+            for plant in stage.plants
+        ]
+        self._noise = np.array(drawn)
         shape = self._noise[:, 1:].shape
         position, velocity, effort = np.empty((3, *shape))
         is_saturated = np.zeros(shape, dtype=bool)
@@ -199,16 +205,6 @@ class _Run:
             result.effort[:, k], result.is_saturated[:, k] = drives.bounded(requested, q, v)
             effort = np.array([drives.stepped(result.effort[:, k]) for _ in range(_STEPS)])
             self._arms.move(effort, np.flatnonzero((abs(v) < _LOST).all(axis=1)))
-
-
-def _noise(plants: Sequence[Plant], instants: int, joints: int) -> FloatArray:
-    """Return the errors of measured positions, shape (R, instants, n)."""
-    generators = (np.random.default_rng(plant.noise_seed) for plant in plants)
-    drawn = [
-        plant.noise * random.normal(size=(instants, joints))
-        for plant, random in zip(plants, generators, strict=True)
-    ]
-    return np.array(drawn)
 
 
 # ---- Execution of cycles: the arms are drawn once, their loads change from step to step.
@@ -251,8 +247,15 @@ def cycle_stages(motion: CycleMotion, errors: Robustness, draw: Draw) -> list[St
         errors: Sizes of the errors.
         draw: Number and seed of the arms.
     """
-    robot = _plain_arm(motion.cycle)
-    plants = drawn_plants(robot, errors, draw)
+    # Unmodelled friction is drawn relative to the limits. So the arm without attached payloads has
+    # the widest limits of all moves: a move slowed by its limits has the same motors.
+    robots = [move.robot for leg in motion.cycle.legs for move in leg.moves]
+    widest = {
+        name: np.max([getattr(robot.limits, name) for robot in robots], axis=0)
+        for name in ("effort", "velocity")
+    }
+    robot = robots[0].with_limits(replace(robots[0].limits, **widest), robots[0].motors)
+    plants, carrier = drawn_plants(robot, errors, draw), robot.link_body[robot.tool_frame]
     factors = _payload_factors(motion.cycle, errors, draw)
     loaded: dict[frozenset[tuple[str, Payload]], list[Plant]] = {}
     stages: list[Stage] = []
@@ -261,8 +264,11 @@ def cycle_stages(motion: CycleMotion, errors: Robustness, draw: Draw) -> list[St
         if load not in loaded:
             loaded[load] = []
             for run, plant in enumerate(plants):
-                in_run = {name: factors[name][run] for name in arm.payloads}
-                loaded[load].append(_carrying(plant, robot, arm.payloads, in_run))
+                bodies = list(plant.bodies)
+                for name, payload in arm.payloads.items():
+                    body = payload_body(robot, payload).scaled(factors[name][run])
+                    bodies[carrier] = bodies[carrier].plus(body)
+                loaded[load].append(replace(plant, bodies=tuple(bodies)))
         stage = Stage(arm.begin, arm.robot, loaded[load])
         if not stages or stages[-1].robot is not stage.robot:
             stages.append(stage)
@@ -299,20 +305,6 @@ def _arms(motion: CycleMotion) -> Iterator[_Arm]:
             yield _Arm(next(times), robot, payloads)
 
 
-def _plain_arm(cycle: Cycle) -> RobotModel:
-    """Return the arm without attached payloads, with the widest limits of all moves.
-
-    Unmodelled friction is drawn relative to the limits; a move slowed by its limits has the same
-    motors.
-    """
-    robots = [move.robot for leg in cycle.legs for move in leg.moves]
-    widest = {
-        name: np.max([getattr(robot.limits, name) for robot in robots], axis=0)
-        for name in ("effort", "velocity")
-    }
-    return robots[0].with_limits(replace(robots[0].limits, **widest), robots[0].motors)
-
-
 def _payload_factors(cycle: Cycle, errors: Robustness, draw: Draw) -> dict[str, list[float]]:
     """Return the real over the nominal mass of each attached object in each run, by name."""
     names = dict.fromkeys(step.name for step in cycle.steps if isinstance(step, Attach))
@@ -324,14 +316,3 @@ def _payload_factors(cycle: Cycle, errors: Robustness, draw: Draw) -> dict[str, 
             fraction = CORNERS[run] * np.sign(drawn) if run in CORNERS else drawn
             factors[name].append(1 + errors.payload * fraction)
     return factors
-
-
-def _carrying(
-    plant: Plant, robot: RobotModel, payloads: Mapping[str, Payload], factors: Mapping[str, float]
-) -> Plant:
-    """Return an arm that carries payloads, each scaled by its factor."""
-    carrier, bodies = robot.link_body[robot.tool_frame], list(plant.bodies)
-    for name, payload in payloads.items():
-        load = payload_body(robot, payload).scaled(factors[name])
-        bodies[carrier] = bodies[carrier].plus(load)
-    return replace(plant, bodies=tuple(bodies))

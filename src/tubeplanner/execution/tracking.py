@@ -84,7 +84,12 @@ def planned_motion(
     # Not the acceleration in the middle: it may jump within the period.
     mean = np.diff(_held(trajectory, np.append(time, time[-1] + period)).velocity, axis=0) / period
     smooth = robot.inverse_dynamics(middle.position, middle.velocity, mean)
-    mass_matrix = _mass_matrices(robot, middle)
+    # Column j of the mass matrix, rotors included: inverse dynamics at rest under a unit
+    # acceleration of joint j, less gravity.
+    q, rest = middle.position, np.zeros_like(middle.position)
+    gravity = robot.gravity_effort(q)
+    columns = [robot.inverse_dynamics(q, rest, rest + unit) for unit in np.eye(q.shape[1])]
+    mass_matrix = np.stack(columns, axis=2) - gravity[:, :, None]
     inertia = 1 / np.einsum("kjj->kj", np.linalg.inv(mass_matrix))
     freedom = inertia / np.einsum("kjj->kj", mass_matrix)
     travel = STIFFNESS_TRAVEL * np.where(robot.revolute, 1.0, LENGTH_PER_ANGLE)
@@ -110,16 +115,6 @@ def _held(trajectory: JointTrajectory, time: FloatArray) -> TrajectorySamples:
         np.where(moving, samples.velocity, 0.0),
         np.where(moving, samples.acceleration, 0.0),
     )
-
-
-def _mass_matrices(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
-    """Return the mass matrices, rotors included, shape (K, n, n) [kg m^2 or kg]."""
-    # Column j of the mass matrix: inverse dynamics at rest under a unit acceleration of joint j,
-    # less gravity.
-    q, rest = samples.position, np.zeros_like(samples.position)
-    gravity = robot.gravity_effort(q)
-    columns = [robot.inverse_dynamics(q, rest, rest + unit) for unit in np.eye(q.shape[1])]
-    return np.stack(columns, axis=2) - gravity[:, :, None]
 
 
 # ---- Controllers: from measured states to requested efforts.

@@ -103,23 +103,18 @@ def build(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) ->
             f'-DTUBEPLANNER_COMPILER="{_kind(command)}"',
         )
         flags = (*_FLAGS, *_processor(command, level), *definitions)
+        arguments = [*command, *flags, *map(str, source_files()), "-o", str(partial)]
         try:
-            _run([*command, *flags, *map(str, source_files()), "-o", str(partial)])
-        except RuntimeError:
+            compilation = subprocess.run(arguments, capture_output=True, text=True)
+        except OSError as error:
             partial.unlink(missing_ok=True)
-            raise
+            raise RuntimeError(f"{arguments[0]} does not start: {error.strerror}") from None
+        if compilation.returncode:
+            partial.unlink(missing_ok=True)
+            raise RuntimeError(f"{shlex.join(arguments)}\n{compilation.stderr}")
         os.replace(partial, target)
         built.append(target)
     return built
-
-
-def _run(arguments: list[str]) -> None:
-    try:
-        done = subprocess.run(arguments, capture_output=True, text=True)
-    except OSError as error:
-        raise RuntimeError(f"{arguments[0]} does not start: {error.strerror}") from None
-    if done.returncode:
-        raise RuntimeError(f"{shlex.join(arguments)}\n{done.stderr}")
 
 
 def _processor(command: tuple[str, ...], level: str) -> tuple[str, ...]:

@@ -27,6 +27,29 @@ class NativeLibrary:
     functions: ctypes.CDLL | None
     build: str
 
+    @classmethod
+    def load(cls) -> "NativeLibrary":
+        """Load the library of the newest level that the processor runs."""
+        if os.environ.get("TUBEPLANNER_PURE", "") not in ("", "0"):
+            return cls(None, "pure Python (TUBEPLANNER_PURE is set)")
+        if not library_path("baseline").exists():
+            return cls(None, "pure Python (no native library was compiled at the installation)")
+        try:
+            library = ctypes.CDLL(str(library_path("baseline")))
+            is_newer = library.tubeplanner_runs_v3() and not os.environ.get("TUBEPLANNER_BASELINE")
+            if is_newer and "x86-64-v3" in LEVELS and library_path("x86-64-v3").exists():
+                library = ctypes.CDLL(str(library_path("x86-64-v3")))
+            is_current = _text(library, "tubeplanner_sources") == source_key()
+        except (OSError, AttributeError) as error:
+            return cls(None, f"pure Python (the library does not load: {error})")
+        if not is_current:
+            message = (
+                "pure Python (native sources have changed: python -m tubeplanner.native.build)"
+            )
+            return cls(None, message)
+        compiler, level = (_text(library, f"tubeplanner_{name}") for name in ("compiler", "level"))
+        return cls(library, f"native ({compiler}, {level})")
+
 
 _Location = ctypes.c_char * 0
 
@@ -89,31 +112,10 @@ def native_function(name: str, *arguments: Any, returns: Any = None) -> Callable
     return result
 
 
-def _loaded() -> NativeLibrary:
-    if os.environ.get("TUBEPLANNER_PURE", "") not in ("", "0"):
-        return NativeLibrary(None, "pure Python (TUBEPLANNER_PURE is set)")
-    if not library_path("baseline").exists():
-        message = "pure Python (no native library was compiled at the installation)"
-        return NativeLibrary(None, message)
-    try:
-        library = ctypes.CDLL(str(library_path("baseline")))
-        is_newer = library.tubeplanner_runs_v3() and not os.environ.get("TUBEPLANNER_BASELINE")
-        if is_newer and "x86-64-v3" in LEVELS and library_path("x86-64-v3").exists():
-            library = ctypes.CDLL(str(library_path("x86-64-v3")))
-        is_current = _text(library, "tubeplanner_sources") == source_key()
-    except (OSError, AttributeError) as error:
-        return NativeLibrary(None, f"pure Python (the library does not load: {error})")
-    if not is_current:
-        message = "pure Python (native sources have changed: python -m tubeplanner.native.build)"
-        return NativeLibrary(None, message)
-    compiler, level = (_text(library, f"tubeplanner_{name}") for name in ("compiler", "level"))
-    return NativeLibrary(library, f"native ({compiler}, {level})")
-
-
 def _text(library: ctypes.CDLL, name: str) -> str:
     function = getattr(library, name)
     function.restype = ctypes.c_char_p
     return str(function().decode())
 
 
-LIBRARY = _loaded()
+LIBRARY = NativeLibrary.load()

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import given_row, is_number
 from tubeplanner.errors import OptionError, ProblemError, shown
 from tubeplanner.first_guess.branches import end_configuration
@@ -41,6 +41,10 @@ class BasePlacement(NamedTuple):
     y: float
     z: float
     yaw: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the base pose as JSON values."""
+        return {"position": list(self[:3]), "yaw": self.yaw}
 
 
 @dataclass(frozen=True)
@@ -118,31 +122,24 @@ class Region:
             count: Number of base poses.
             yaw: One of the angles about the vertical; the others divide the turn evenly [rad].
         """
-        counts = self._counts(count)
-        axes = [
-            [low + (k + 0.5) * (high - low) / n for k in range(n)]
-            for low, high, n in zip(self.low, self.high, counts, strict=False)
-        ]
-        step = 2 * pi / counts[3]
-        yaws = [yaw + k * step for k in range(counts[3])]
-        base_placements = tuple(self.nearest(BasePlacement(*each)) for each in product(*axes, yaws))
-        x, y, z = (
-            (high - low) / n for low, high, n in zip(self.low, self.high, counts, strict=False)
-        )
-        return PlacementGrid(base_placements, (x, y, z, step))
-
-    def _counts(self, count: int) -> tuple[int, int, int, int]:
-        """Return the numbers along x, y, z and yaw; cells are nearly square."""
         width, depth, height = (h - low for low, h in zip(self.low, self.high, strict=True))
-        yaws = min(_YAWS, count)
-        while width + depth + height > 0 and 2 * (count // yaws) < yaws:
-            yaws //= 2  # few poses are worth more at other positions than at other angles
-        heights = min(_HEIGHTS, count // yaws) if height > 0 else 1
-        columns = count // (yaws * heights)
+        yaw_count = min(_YAWS, count)
+        while width + depth + height > 0 and 2 * (count // yaw_count) < yaw_count:
+            yaw_count //= 2  # few poses are worth more at other positions than at other angles
+        heights = min(_HEIGHTS, count // yaw_count) if height > 0 else 1
+        columns = count // (yaw_count * heights)
         if width == 0 or depth == 0:
-            return (columns if width else 1), (columns if depth else 1), heights, yaws
-        along = min(max(1, round(sqrt(columns * width / depth))), columns)
-        return along, max(1, round(columns / along)), heights, yaws
+            counts = (columns if width else 1), (columns if depth else 1), heights
+        else:  # cells are nearly square
+            along = min(max(1, round(sqrt(columns * width / depth))), columns)
+            counts = along, max(1, round(columns / along)), heights
+        sides = list(zip(self.low, self.high, counts, strict=True))
+        axes = [[low + (k + 0.5) * (high - low) / n for k in range(n)] for low, high, n in sides]
+        step = 2 * pi / yaw_count
+        yaws = [yaw + k * step for k in range(yaw_count)]
+        base_placements = tuple(self.nearest(BasePlacement(*each)) for each in product(*axes, yaws))
+        x, y, z = ((high - low) / n for low, high, n in sides)
+        return PlacementGrid(base_placements, (x, y, z, step))
 
 
 # ---- Clearance of the links that no joint moves from the obstacles. Planning does not check them:
@@ -166,10 +163,24 @@ def require_base_free(problem: PlanningProblem, stands_on: Collection[str] = ())
         Infeasible: Status tube_blocked: the message names link and obstacle, and their distance or
             depth.
     """
-    pairs = _base_pairs(problem, stands_on)
+    checker = problem.collision
+    shapes = checker.shapes
+    names = {obstacle.name for obstacle in problem.obstacles}
+    ignored = {frozenset(pair) for pair in problem.ignore_collisions}
+    obstacles = [k for k, shape in enumerate(shapes) if shape.owner in names]
+    # Of links the shapes before the obstacles, as for moving links: closer covers come behind.
+    links = [k for k in range(min(obstacles, default=0)) if shapes[k].body == _BASE]
+    pairs = np.array(
+        [
+            (i, j)
+            for i, j in product(links, obstacles)
+            if shapes[j].owner not in stands_on
+            and frozenset((shapes[i].owner, shapes[j].owner)) not in ignored
+        ],
+        dtype=np.int64,
+    )
     if len(pairs) == 0:
         return
-    checker = problem.collision
     rotation, position = problem.robot.body_poses(np.zeros((1, problem.robot.joint_count)))
     distance = checker.distances(rotation[0], position[0], pairs)
     required, worst = float(problem.clearance), int(distance.argmin())
@@ -177,7 +188,7 @@ def require_base_free(problem: PlanningProblem, stands_on: Collection[str] = ())
         required = float(np.where(np.isfinite(by_segment), by_segment, problem.clearance).max())
     if distance[worst] >= required - MARGIN_TOLERANCE:
         return
-    link, obstacle = (checker.shapes[index].owner for index in pairs[worst])
+    link, obstacle = (shapes[index].owner for index in pairs[worst])
     own, requirement = f"'{link}', which no joint moves,", f"(clearance {1000 * required:g} mm)"
     least = float(distance[worst])
     if abs(least) < _TOUCHING:
@@ -187,26 +198,6 @@ def require_base_free(problem: PlanningProblem, stands_on: Collection[str] = ())
     else:
         message = f"{own} stands {1000 * least:.1f} mm from '{obstacle}' {requirement}"
     raise Infeasible(PlanStatus.TUBE_BLOCKED, message, Location(links=(link,), obstacle=obstacle))
-
-
-def _base_pairs(problem: PlanningProblem, stands_on: Collection[str]) -> IntArray:
-    """Return pairs of fixed links and obstacles, as indices of the checker's shapes (P, 2).
-
-    Of links the shapes before the obstacles count, as for moving links; closer covers come behind.
-    """
-    shapes = problem.collision.shapes
-    names = {obstacle.name for obstacle in problem.obstacles}
-    ignored = {frozenset(pair) for pair in problem.ignore_collisions}
-    obstacles = [k for k, shape in enumerate(shapes) if shape.owner in names]
-    links = [k for k in range(min(obstacles, default=0)) if shapes[k].body == _BASE]
-    pairs = [
-        (i, j)
-        for i in links
-        for j in obstacles
-        if shapes[j].owner not in stands_on
-        and frozenset((shapes[i].owner, shapes[j].owner)) not in ignored
-    ]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 # ---- Problems with a movable base: joints at start and goal become seeds of inverse kinematics.

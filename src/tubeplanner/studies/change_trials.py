@@ -44,6 +44,8 @@ class Trial:
 class Trials:
     """Plans of a problem with one change each, side by side if an executor is given.
 
+    Plans raise TimeLimitReached after the time limit, and KeyboardInterrupt after Ctrl-C.
+
     Attributes:
         count: Number of plans so far.
     """
@@ -84,10 +86,6 @@ class Trials:
         Args:
             sizes: Changes and sizes.
             is_thorough: True if planning goes on where its first start leads nowhere.
-
-        Raises:
-            TimeLimitReached: The time limit has passed.
-            KeyboardInterrupt: Ctrl-C.
         """
         self._clock.check()
         proposals = [change.propose(size) for change, size in sizes]
@@ -136,11 +134,7 @@ class Answer:
 
 
 def planned(request: Asked) -> Answer:
-    """Plan a problem with its change.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C.
-    """
+    """Plan a problem with its change."""
     remaining = request.until - time.monotonic()
     if remaining <= 0:
         return Answer(is_cut_short=True)
@@ -273,19 +267,15 @@ def open_sizes(
 
 
 def try_sizes(
-    trials: Trials, asked: Sequence[tuple[SizeBracket, float]], is_thorough: bool
+    trials: Trials, requests: Sequence[tuple[SizeBracket, float]], is_thorough: bool
 ) -> None:
     """Plan with the changes of brackets by sizes, and add the results to the brackets.
 
     Args:
         trials: The plans.
-        asked: Brackets, and a size for each.
+        requests: Brackets, and a size for each.
         is_thorough: True if planning goes on where its first start leads nowhere.
-
-    Raises:
-        TimeLimitReached: The time limit has passed.
-        KeyboardInterrupt: Ctrl-C.
     """
-    sizes = [(bracket.change, size) for bracket, size in asked]
+    sizes = [(bracket.change, size) for bracket, size in requests]
     for index, trial in trials.of(sizes, is_thorough):
-        asked[index][0].keep(trial)
+        requests[index][0].keep(trial)

@@ -81,6 +81,18 @@ class Change:
         ends = (min(self.estimate or self.scale, self.most), self.most)
         return (ends[0], (ends[0] * ends[1]) ** 0.5, ends[1]) if self.is_move else ends
 
+    @classmethod
+    def switch(
+        cls,
+        kind: str,
+        field: str,
+        before: Any,
+        proposal: Proposal,
+        about: frozenset[str] = frozenset(),
+    ) -> "Change":
+        """Return a change of size 1 alone: the proposal."""
+        return cls(kind, field, before, "", 1.0, 1.0, lambda size: proposal, about, is_switch=True)
+
     def __repr__(self) -> str:
         return f"<Change of {self.field}, up to {self.most:g} {self.unit}>"
 
@@ -224,7 +236,17 @@ def in_order(
         status: Status of the plan.
         location: Location of the failure.
     """
-    about = _named(location)
+    names = {location.joint, *(f"link {name}" for name in location.links or ())}
+    if location.segment is not None:
+        names.add(f"segment {location.segment}")
+    if location.point is not None:
+        names |= {
+            f"point {location.point}",
+            f"segment {location.point - 1}",
+            f"segment {location.point}",
+        }
+    if location.obstacle is not None:
+        names.add(f"obstacle {location.obstacle}")
     groups: tuple[list[Change], ...] = ([], [], [], [])
     first, second, elsewhere, unlikely = groups
     likelier, others = _HELPFUL.get(status, ((), ()))
@@ -232,7 +254,7 @@ def in_order(
     rank = {kind: k for k, kind in enumerate(kinds)}
     for change in sorted(changes, key=lambda change: rank.get(change.kind, len(kinds))):
         is_helpful = (not kinds or change.kind in kinds) and change.kind not in _LAST
-        is_there = bool(about & change.about) or change.kind in _EVERYWHERE or not change.about
+        is_there = bool(names & change.about) or change.kind in _EVERYWHERE or not change.about
         if not is_helpful:
             unlikely.append(change)
         elif not is_there:
@@ -240,22 +262,3 @@ def in_order(
         else:
             (second if change.kind in others else first).append(change)
     return [[first, second], [elsewhere], [unlikely]]
-
-
-def _named(location: Location) -> frozenset[str]:
-    """Return the names in a place, as in `Change.about`."""
-    names = set()
-    if location.joint is not None:
-        names.add(location.joint)
-    if location.segment is not None:
-        names |= {f"segment {location.segment}"}
-    if location.point is not None:
-        names |= {
-            f"point {location.point}",
-            f"segment {location.point - 1}",
-            f"segment {location.point}",
-        }
-    names |= {f"link {name}" for name in location.links or ()}
-    if location.obstacle is not None:
-        names |= {f"obstacle {location.obstacle}"}
-    return frozenset(names)

@@ -1,7 +1,5 @@
 """Compare: one problem by every method and baseline; smoothness, use of motors and tube."""
 
-import csv
-import io
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -22,7 +20,7 @@ from tubeplanner.outcome import Infeasible, PlanStatus, Progress, StoppedBy, req
 from tubeplanner.planning.options import METHODS, PlanOptions
 from tubeplanner.planning.strategy import plan
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.text import short_repr, without_formulas
+from tubeplanner.text import csv_text, short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import peak_magnitudes
 
@@ -215,13 +213,11 @@ class Comparison:
 
     def csv(self) -> str:
         """Return the rows as CSV; `failures` has NAME=MARGIN, spaces between them."""
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, list(self.rows[0].as_dict()), lineterminator="\n")
-        writer.writeheader()
+        rows = []
         for row in self.rows:
             failures = " ".join(f"{name}={c.margin!r}" for name, c in row.failures.items())
-            writer.writerow({**row.as_dict(), "failures": failures})
-        return without_formulas(stream.getvalue())
+            rows.append({**row.as_dict(), "failures": failures})
+        return csv_text(list(rows[0]), (row.values() for row in rows))
 
 
 def compare(
@@ -251,8 +247,15 @@ def compare(
     PlanningProblem.require(problem)
     options = given_options(options, PlanOptions).shortest
     require_callback(progress)
+    names = [*METHODS, *BASELINES]
+    requested = names if methods is None else given_row("methods", methods, "names")
+    for name in requested:
+        if not isinstance(name, str) or name not in names:
+            raise OptionError(unknown_name("method", name, names))
+    if not requested:
+        raise OptionError("compare: give at least one method")
     rows: list[ComparisonRow] = []
-    for name in _requested(methods):
+    for name in dict.fromkeys(requested):
 
         def report(what: Progress, method: str = name) -> None:
             if progress is not None:
@@ -267,26 +270,28 @@ def compare(
     return Comparison(problem, tuple(rows))
 
 
-def _requested(methods: Sequence[str] | None) -> list[str]:
-    names = [*METHODS, *BASELINES]
-    requested = names if methods is None else given_row("methods", methods, "names")
-    for name in requested:
-        if not isinstance(name, str) or name not in names:
-            raise OptionError(unknown_name("method", name, names))
-    if not requested:
-        raise OptionError("compare: give at least one method")
-    return list(dict.fromkeys(requested))
-
-
 def _row(
     problem: PlanningProblem, name: str, options: PlanOptions, report: Callable[[Progress], None]
 ) -> ComparisonRow:
-    answer = _baseline if name in BASELINES else _planned
     begin = time.perf_counter()
     try:
-        row = answer(problem, name, options, report)
-    except Infeasible as reason:
-        row = ComparisonRow(name, reason.status, str(reason), time.perf_counter() - begin)
+        if name in BASELINES:
+            baseline, certificate = judged_baseline(problem, name, report)
+            reason = refusal(problem, certificate)
+            status = PlanStatus.SUCCESS if reason is None else reason.status
+            spent = time.perf_counter() - begin
+            motion = baseline.trajectory
+            row = ComparisonRow(name, status, baseline.note, spent, motion, certificate)
+        else:
+            result = plan(problem, replace(options, method=name, robust=False), report)
+            if result.stopped_by == "interrupt":
+                raise KeyboardInterrupt
+            other = result.method if result.succeeded and result.method != name else None
+            message = result.message if other is None else f"answered by {other}; {result.message}"
+            answer = (result.planning_time, result.trajectory, result.certificate)
+            row = ComparisonRow(name, result.status, message, *answer, answered_by=other)
+    except Infeasible as refused:
+        row = ComparisonRow(name, refused.status, str(refused), time.perf_counter() - begin)
     except Exception as error:  # of any kind: the other methods must still run
         is_expected = isinstance(error, TubePlannerError)
         message = str(error) if is_expected else f"internal error, {type(error).__name__}: {error}"
@@ -296,26 +301,3 @@ def _row(
         return row
     report(Progress("measures"))
     return replace(row, measures=trajectory_measures(problem, row.trajectory))
-
-
-def _planned(
-    problem: PlanningProblem, name: str, options: PlanOptions, report: Callable[[Progress], None]
-) -> ComparisonRow:
-    result = plan(problem, replace(options, method=name, robust=False), report)
-    if result.stopped_by == "interrupt":
-        raise KeyboardInterrupt
-    other = result.method if result.succeeded and result.method != name else None
-    message = result.message if other is None else f"answered by {other}; {result.message}"
-    answer = (result.planning_time, result.trajectory, result.certificate)
-    return ComparisonRow(name, result.status, message, *answer, answered_by=other)
-
-
-def _baseline(
-    problem: PlanningProblem, name: str, _: PlanOptions, report: Callable[[Progress], None]
-) -> ComparisonRow:
-    begin = time.perf_counter()
-    baseline, certificate = judged_baseline(problem, name, report)
-    reason = refusal(problem, certificate)
-    status = PlanStatus.SUCCESS if reason is None else reason.status
-    spent = time.perf_counter() - begin
-    return ComparisonRow(name, status, baseline.note, spent, baseline.trajectory, certificate)

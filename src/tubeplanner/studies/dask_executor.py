@@ -33,11 +33,19 @@ def dask_executor(address: str, timeout: float = _PATIENCE) -> Iterator[Executor
         OptionError: Dask is not installed, the scheduler or its workers are not there, workers have
             other sources or other numbers of threads, or the scheduler is lost.
     """
-    client = _connected(address, timeout)
+    try:
+        from distributed import Client, KilledWorker
+    except ImportError:
+        raise OptionError(not_installed("dask", f"scheduler {address}", "Dask")) from None
+    try:
+        client = Client(address, timeout=timeout)
+    except (OSError, ValueError) as error:
+        raise OptionError(
+            f"there is no Dask scheduler at {address} ({error}); give the address that "
+            "`dask scheduler` prints, such as tcp://10.0.0.1:8786"
+        ) from error
     try:
         _check_workers(client, address, timeout)
-        from distributed import KilledWorker
-
         yield RetriedAlone(client.get_executor(pure=False), KilledWorker)
     except OptionError as error:
         if client.status != "running":
@@ -48,20 +56,6 @@ def dask_executor(address: str, timeout: float = _PATIENCE) -> Iterator[Executor
         raise
     finally:
         client.close(timeout)
-
-
-def _connected(address: str, timeout: float) -> Any:
-    try:
-        from distributed import Client
-    except ImportError:
-        raise OptionError(not_installed("dask", f"scheduler {address}", "Dask")) from None
-    try:
-        return Client(address, timeout=timeout)
-    except (OSError, ValueError) as error:
-        raise OptionError(
-            f"there is no Dask scheduler at {address} ({error}); give the address that "
-            "`dask scheduler` prints, such as tcp://10.0.0.1:8786"
-        ) from error
 
 
 def _check_workers(client: Any, address: str, timeout: float) -> None:
@@ -150,16 +144,17 @@ class RetriedAlone(Executor):
         except BaseException:
             self._go_on()
             raise
-        future.add_done_callback(lambda future: self._ended(call, future, last))
 
-    def _ended(self, call: "_Call", future: "Future[Any]", last: bool) -> None:
-        died = not future.cancelled() and isinstance(future.exception(), self._died)
-        if died and not last and not call.future.cancelled():
-            with self._lock:
-                self._suspects.append(call)
-        else:
-            call.answer(future)
-        self._go_on()
+        def end(future: "Future[Any]") -> None:
+            died = not future.cancelled() and isinstance(future.exception(), self._died)
+            if died and not last and not call.future.cancelled():
+                with self._lock:
+                    self._suspects.append(call)
+            else:
+                call.answer(future)
+            self._go_on()
+
+        future.add_done_callback(end)
 
     def _go_on(self) -> None:
         """Count a running call less; when none runs, send the waiting calls."""

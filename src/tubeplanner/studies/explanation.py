@@ -5,8 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import chain
 from math import isinf
 from pathlib import Path
 from shlex import quote
@@ -98,6 +96,11 @@ def _drawn(question: Question) -> PlanningProblem | None:
     fields, robot, folder = question.fields, question.robot, question.spec.folder
     solids = solids_of(fields, robot, folder)
     assert fields.tube is not None
+    q = np.zeros(robot.joint_count)
+    for joints in (fields.start.seed, fields.start.joints):
+        if joints is not None:
+            with suppress(ProblemError):  # it names an unknown joint
+                q = configuration_of(robot, "start", joints)
     with suppress(ProblemError):
         values: dict[str, Any] = {**fields.tube.model_dump(), **question.given_tube}
         for names in _LEFT_OUT:
@@ -105,19 +108,9 @@ def _drawn(question: Question) -> PlanningProblem | None:
                 values.pop(name, None)
             with suppress(ProblemError):
                 tube = Tube(**values)
-                start = Seed(robot.limits.clip(_given_start(question)))
+                start = Seed(robot.limits.clip(q))
                 return PlanningProblem(robot, tube, start, name=question.spec.name, **solids)
     return None
-
-
-def _given_start(question: Question) -> FloatArray:
-    """Return the joints (n,) of the start, given or seed; zeros without any."""
-    start = question.fields.start
-    for values in (start.joints, start.seed):
-        if values is not None:
-            with suppress(ProblemError):  # it names an unknown joint
-                return configuration_of(question.robot, "start", values)
-    return np.zeros(question.robot.joint_count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,18 +266,19 @@ def explain(
         return replace(
             outcome, headrooms=headrooms.headrooms, tried=trials.count, stopped_by=stopped_by
         )
-    return _with_remedies(outcome, question, trials)
-
-
-def _with_remedies(outcome: Explanation, question: Question, trials: Trials) -> Explanation:
     location = outcome.location
     if location.position is not None and location.segment is None:
         location = replace(location, segment=question.segment_near(np.array(location.position)))
-    kinds = (tube_changes, limit_changes, cell_changes, end_changes)
-    changes = map(
-        partial(_estimated, outcome.result), chain.from_iterable(kind(question) for kind in kinds)
-    )
-    search = RemedySearch(trials, in_order(changes, outcome.status, location))
+    shortest = None if outcome.result is None else outcome.result.shortest_duration
+    candidates: list[Change] = []
+    for kind in (tube_changes, limit_changes, cell_changes, end_changes):
+        for change in kind(question):
+            candidates.append(change)
+            if change.kind == "duration" and shortest is not None and shortest > change.before:
+                size = shortest - change.before
+                estimate = size if rounded(size) >= size else 1.006 * size
+                candidates[-1] = replace(change, estimate=estimate)
+    search = RemedySearch(trials, in_order(candidates, outcome.status, location))
     _, stopped_by = until_stopped(search.run)
     return replace(
         outcome,
@@ -293,15 +287,6 @@ def _with_remedies(outcome: Explanation, question: Question, trials: Trials) -> 
         tried=trials.count,
         stopped_by=stopped_by,
     )
-
-
-def _estimated(result: PlanResult | None, change: Change) -> Change:
-    """Return a change of the duration with the shortest duration of a plan as estimate."""
-    shortest = None if result is None else result.shortest_duration
-    if change.kind != "duration" or shortest is None or shortest <= change.before:
-        return change
-    size = shortest - change.before
-    return replace(change, estimate=size if rounded(size) >= size else 1.006 * size)
 
 
 # ---- Texts: values as in a problem file, and the changes that do not help.
@@ -396,19 +381,15 @@ def _words(kind: int | str, names: Sequence[str]) -> str:
     if len(names) == 1:
         return f"{one} {names[0]} ({how_far})"
     if all(name.isdecimal() for name in names):
-        return f"{several} {_ranges(sorted(map(int, names)))} ({how_far})"
+        runs: list[list[int]] = []  # of neighbours: "0-3, 5"
+        for number in sorted(map(int, names)):
+            if runs and number == runs[-1][-1] + 1:
+                runs[-1].append(number)
+            else:
+                runs.append([number])
+        texts = (f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs)
+        return f"{several} {', '.join(texts)} ({how_far})"
     if len(names) > _NAMED:
         *words, noun = several.split()
         return f"{' '.join([*words, str(len(names)), noun])} ({how_far})"
     return f"{several} {', '.join(names)} ({how_far})"
-
-
-def _ranges(numbers: Sequence[int]) -> str:
-    """Return whole numbers in order as "0-3, 5"."""
-    parts: list[list[int]] = []
-    for number in numbers:
-        if parts and number == parts[-1][-1] + 1:
-            parts[-1].append(number)
-        else:
-            parts.append([number])
-    return ", ".join(f"{one[0]}-{one[-1]}" if len(one) > 1 else f"{one[0]}" for one in parts)

@@ -1,6 +1,6 @@
 """Changes of tube, obstacles and clearances."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -37,23 +37,41 @@ _NUMBERS = {"+": 1, "-": -1, "0": 0}  # both spellings of a sign; 0: free
 def tube_changes(question: Question) -> Iterator[Change]:
     """Yield the changes that widen the tube, or lead the tool elsewhere."""
     yield from radius_changes(question, 1)
-    yield from _all_radii(question)
     yield from _boxes(question)
     yield from _rotation_tolerances(question)
-    yield from _tool_radius(question)
+    assert question.fields.tube is not None
+    tool_radius = question.fields.tube.tool_radius
+    if tool_radius > 0:
+
+        def smaller(size: float) -> Proposal:
+            after = max(exact(tool_radius - size), 0.0)  # sizes are rounded
+            text = f"tool_radius {from_to(tool_radius, after, 'm')}"
+            return Proposal({"tube.tool_radius": after}, after, text, figures(after, "m"))
+
+        sizes = (tool_radius, "m", tool_radius, tool_radius)
+        yield Change("radius", "tube.tool_radius", *sizes, smaller, is_loss=True)
     yield from _points(question)
     yield from _signs(question)
-    assert question.fields.tube is not None
     before = question.fields.tube.pass_through_points
     if before != "none" and question.segment_count > 1:
         path = "tube.pass_through_points"
         less = Proposal({path: "none"}, "none", f"pass_through_points: {before} -> none")
-        yield Change("pass_through", path, before, "", 1.0, 1.0, lambda size: less, is_switch=True)
+        yield Change.switch("pass_through", path, before, less)
 
 
 def radius_changes(question: Question, sign: int) -> Iterator[Change]:
-    """Yield the changes of the radius of each segment, wider (sign 1) or narrower (-1)."""
+    """Yield the changes of the radius of each segment, wider (sign 1) or narrower (-1).
+
+    Several radii are widened by a common factor as well.
+    """
     radii = question.per_segment(question.given_tube["radius"])
+
+    def changed(segment: int, before: float, size: float) -> Proposal:
+        after = exact(before + sign * size)
+        radii_after = [after if k == segment else radius for k, radius in enumerate(radii)]
+        text = f"segment {segment}: {from_to(before, after, 'm')}"
+        return Proposal(_new_radii(question, radii_after), after, text, figures(after, "m"))
+
     for segment, radius in enumerate(radii):
         if radius is not None:
             yield Change(
@@ -63,37 +81,21 @@ def radius_changes(question: Question, sign: int) -> Iterator[Change]:
                 unit="m",
                 scale=radius,
                 most=_MAX_GROWTH * radius if sign > 0 else 0.99 * radius,
-                propose=partial(_radius, question, radii, segment, sign),
+                propose=partial(changed, segment, radius),
                 about=frozenset({f"segment {segment}"}),
                 is_loss=sign < 0,
             )
 
+    def scaled(size: float) -> Proposal:
+        factor = exact(1 + size)
+        after = [None if radius is None else exact(factor * radius) for radius in radii]
+        changes = _new_radii(question, after)
+        brief = f"times {figures(factor)}"
+        return Proposal(changes, changes["tube.radius"], f"all radii {brief}", brief)
 
-def _all_radii(question: Question) -> Iterator[Change]:
-    """Yield the change of all radii by a common factor."""
-    radii = question.per_segment(question.given_tube["radius"])
-    if len([radius for radius in radii if radius is not None]) > 1:
-        before = question.spec.document["tube"].get("radius")
-
-        def wider(size: float) -> Proposal:
-            factor = exact(1 + size)
-            after = [None if radius is None else exact(factor * radius) for radius in radii]
-            changes = _new_radii(question, after)
-            brief = f"times {figures(factor)}"
-            return Proposal(changes, changes["tube.radius"], f"all radii {brief}", brief)
-
-        yield Change("radii", "tube.radius", _plain(before), "", 1.0, _MAX_GROWTH, wider)
-
-
-def _radius(
-    question: Question, radii: Sequence[float | None], segment: int, sign: int, size: float
-) -> Proposal:
-    before = radii[segment]
-    assert before is not None
-    after = exact(before + sign * size)
-    radii_after = [after if k == segment else radius for k, radius in enumerate(radii)]
-    text = f"segment {segment}: {from_to(before, after, 'm')}"
-    return Proposal(_new_radii(question, radii_after), after, text, figures(after, "m"))
+    if sign > 0 and sum(radius is not None for radius in radii) > 1:
+        before = _plain(question.spec.document["tube"].get("radius"))
+        yield Change("radii", "tube.radius", before, "", 1.0, _MAX_GROWTH, scaled)
 
 
 def _new_radii(question: Question, radii: Sequence[float | None]) -> dict[str, Any]:
@@ -116,8 +118,19 @@ def _plain(value: Any) -> Any:
 def _boxes(question: Question) -> Iterator[Change]:
     """Yield the changes of both sides of each box by a factor; the size is the shorter side's."""
     assert question.fields.tube is not None
-    sections = question.spec.document["tube"].get("cross_section")
-    for segment, box in enumerate(question.per_segment(sections)):
+    boxes = question.per_segment(question.spec.document["tube"].get("cross_section"))
+
+    def wider(segment: int, before: Sequence[float], size: float) -> Proposal:
+        after = [exact(side + size * side / min(before)) for side in before]
+        boxes_after = [
+            box if k != segment else {**box, "box": after} for k, box in enumerate(boxes)
+        ]
+        sides = " by ".join(from_to(*pair, "m") for pair in zip(before, after, strict=True))
+        brief = " by ".join(figures(side, "m") for side in after)
+        text = f"box of segment {segment}: {sides}"
+        return Proposal({"tube.cross_section": boxes_after}, after, text, brief)
+
+    for segment, box in enumerate(boxes):
         if box is not None:
             yield Change(
                 kind="radius",
@@ -126,22 +139,13 @@ def _boxes(question: Question) -> Iterator[Change]:
                 unit="m",
                 scale=min(box["box"]),
                 most=_MAX_GROWTH * min(box["box"]),
-                propose=partial(_box, question.per_segment(sections), segment),
+                propose=partial(wider, segment, box["box"]),
                 about=frozenset({f"segment {segment}"}),
             )
 
 
-def _box(boxes: Sequence[Any], segment: int, size: float) -> Proposal:
-    before = boxes[segment]["box"]
-    after = [exact(side + size * side / min(before)) for side in before]
-    boxes_after = [box if k != segment else {**box, "box": after} for k, box in enumerate(boxes)]
-    sides = " by ".join(from_to(*pair, "m") for pair in zip(before, after, strict=True))
-    brief = " by ".join(figures(side, "m") for side in after)
-    text = f"box of segment {segment}: {sides}"
-    return Proposal({"tube.cross_section": boxes_after}, after, text, brief)
-
-
 def _rotation_tolerances(question: Question) -> Iterator[Change]:
+    """Yield the changes that raise the least bounds of each segment, and others to the same."""
     assert question.fields.tube is not None
     tolerance = question.fields.tube.rotation_tolerance
     if tolerance is None:
@@ -154,6 +158,15 @@ def _rotation_tolerances(question: Question) -> Iterator[Change]:
         bounds = [tolerance] * count
     else:
         bounds = list(tolerance)
+
+    def wider(segment: int, before: float, size: float) -> Proposal:
+        after = exact(before + size)
+        bounds_after = [np.array(each, dtype=float) for each in bounds]
+        bounds_after[segment] = np.maximum(bounds_after[segment], after)
+        values = {"tube.rotation_tolerance": [each.tolist() for each in bounds_after]}
+        text = f"rotation tolerance of segment {segment}: {from_to(before, after, 'rad')}"
+        return Proposal(values, after, text, figures(after, "rad"))
+
     for segment, bound in enumerate(bounds):
         finite = [b for b in np.atleast_1d(bound).tolist() if np.isfinite(b)]
         if finite:
@@ -165,35 +178,9 @@ def _rotation_tolerances(question: Question) -> Iterator[Change]:
                 unit="rad",
                 scale=max(before, 0.01),
                 most=3.0,
-                propose=partial(_rotation, bounds, segment, before),
+                propose=partial(wider, segment, before),
                 about=frozenset({f"segment {segment}"}),
             )
-
-
-def _rotation(bounds: Sequence[Any], segment: int, before: float, size: float) -> Proposal:
-    """Return the change that raises a segment's least bounds by a size, and others to the same."""
-    after = exact(before + size)
-    wider = np.maximum(np.array(bounds[segment], dtype=float), after).tolist()
-    bounds_after = [
-        wider if k == segment else np.array(each, dtype=float).tolist()
-        for k, each in enumerate(bounds)
-    ]
-    text = f"rotation tolerance of segment {segment}: {from_to(before, after, 'rad')}"
-    return Proposal({"tube.rotation_tolerance": bounds_after}, after, text, figures(after, "rad"))
-
-
-def _tool_radius(question: Question) -> Iterator[Change]:
-    assert question.fields.tube is not None
-    before = question.fields.tube.tool_radius
-    if before > 0:
-
-        def smaller(size: float) -> Proposal:
-            after = max(exact(before - size), 0.0)  # sizes are rounded
-            text = f"tool_radius {from_to(before, after, 'm')}"
-            return Proposal({"tube.tool_radius": after}, after, text, figures(after, "m"))
-
-        field = "tube.tool_radius"
-        yield Change("radius", field, before, "m", before, before, smaller, is_loss=True)
 
 
 _MAX_END = 4  # reference points of an end that move together
@@ -213,6 +200,29 @@ def _points(question: Question) -> Iterator[Change]:
     runs = [range(k, k + 1) for k in range(last + 1)] * (not question.has_point_file)
     runs += [*(run for n, run in ends if n <= last), range(last + 1)]
     base = question.robot.body_poses(np.zeros((1, question.robot.joint_count)))[1][0, 1]
+
+    def shifted(run: range, name: str, direction: FloatArray, size: float) -> Proposal:
+        after = [along(point, direction, size) for point in question.points[run]]
+        points = question.points.tolist()
+        points[run.start : run.stop] = after
+        if question.has_point_file:
+            changes = {**_from_file(question), "tube.points": points}
+        elif len(run) == len(points):
+            changes = {"tube.points": points}
+        else:
+            changes = {f"tube.points.{k}": point for k, point in zip(run, after, strict=True)}
+        noun = (
+            f"reference point {run[0]}" if len(run) == 1 else f"points {run[0]}-{run[-1]} together"
+        )
+        if len(run) == len(points):
+            noun = "the whole tube"
+        text = f"move {noun} by {figures(size, 'm')} {name}"
+        for end, point in (("start", 0), ("goal", last)):
+            end_values = _moved_end(question, end, direction, size) if point in run else {}
+            changes |= end_values
+            text += f"; {end}: its joints as a seed" * (end in end_values)
+        return Proposal(changes, after[0] if len(run) == 1 else after, text, figures(size, "m"))
+
     for run in runs:
         inwards = base - question.points[run].mean(axis=0)
         moves = [*AXES, ("towards the arm's base", inwards / max(np.linalg.norm(inwards), 1e-9))]
@@ -227,33 +237,10 @@ def _points(question: Question) -> Iterator[Change]:
                 unit="m",
                 scale=0.1,
                 most=_MAX_MOVE,
-                propose=partial(_moved_points, question, run, name, direction),
+                propose=partial(shifted, run, name, direction),
                 about=frozenset({*about, f"segment {run[0] - 1}"}),
                 is_move=True,
             )
-
-
-def _moved_points(
-    question: Question, run: range, name: str, direction: FloatArray, size: float
-) -> Proposal:
-    after = [along(point, direction, size) for point in question.points[run]]
-    points = question.points.tolist()
-    points[run.start : run.stop] = after
-    if question.has_point_file:
-        changes = {**_from_file(question), "tube.points": points}
-    elif len(run) == len(points):
-        changes = {"tube.points": points}
-    else:
-        changes = {f"tube.points.{k}": point for k, point in zip(run, after, strict=True)}
-    text = f"reference point {run[0]}" if len(run) == 1 else f"points {run[0]}-{run[-1]} together"
-    if len(run) == len(points):
-        text = "the whole tube"
-    text = f"move {text} by {figures(size, 'm')} {name}"
-    for end, point in (("start", 0), ("goal", question.segment_count)):
-        moved = _moved_end(question, end, direction, size) if point in run else {}
-        changes |= moved
-        text += f"; {end}: its joints as a seed" * (end in moved)
-    return Proposal(changes, after[0] if len(run) == 1 else after, text, figures(size, "m"))
 
 
 def _moved_end(question: Question, end: str, direction: FloatArray, size: float) -> dict[str, Any]:
@@ -281,27 +268,17 @@ def _signs(question: Question) -> Iterator[Change]:
     for joint in dict.fromkeys(name for signs in maps for name in signs):
         before = next(signs[joint] for signs in maps if joint in signs)
         for sign in _NUMBERS:
-            if before not in (sign, _NUMBERS[sign]):
-                yield _sign_change(maps, isinstance(field, list), joint, before, sign)
-
-
-def _sign_change(
-    maps: Sequence[Mapping[str, Any]], is_list: bool, joint: str, before: Any, sign: str
-) -> Change:
-    others = [{**signs, joint: sign} if joint in signs else dict(signs) for signs in maps]
-    changes = {"tube.joint_signs": others if is_list else others[0]}
-    text = f"joint_signs: '{sign}' on {joint}"
-    return Change(
-        kind="sign",
-        field=f"tube.joint_signs.{joint}",
-        before=list(before) if isinstance(before, list | tuple) else before,
-        unit="",
-        scale=1.0,
-        most=1.0,
-        propose=lambda size: Proposal(changes, sign, text),
-        about=frozenset({joint}),
-        is_switch=True,
-    )
+            if before in (sign, _NUMBERS[sign]):
+                continue
+            others = [{**signs, joint: sign} if joint in signs else dict(signs) for signs in maps]
+            changes = {"tube.joint_signs": others if isinstance(field, list) else others[0]}
+            yield Change.switch(
+                "sign",
+                f"tube.joint_signs.{joint}",
+                list(before) if isinstance(before, list | tuple) else before,
+                Proposal(changes, sign, f"joint_signs: '{sign}' on {joint}"),
+                frozenset({joint}),
+            )
 
 
 # ---- Changes of the cell: obstacles, attached solids, clearances.
@@ -330,6 +307,14 @@ def obstacle_changes(question: Question) -> Iterator[Change]:
 def _moves(
     kind: str, solid: str, path: str, position: Sequence[float], about: frozenset[str]
 ) -> Iterator[Change]:
+    frame = " of the tool frame" if kind == "attached" else ""
+    noun = "attached solid" if kind == "attached" else kind
+
+    def shifted(name: str, direction: FloatArray, size: float) -> Proposal:
+        after = along(np.array(position), direction, size)
+        text = f"move {noun} '{solid}' by {figures(size, 'm')} {name}{frame}"
+        return Proposal({path: after}, after, text, figures(size, "m"))
+
     for name, direction in AXES:
         yield Change(
             kind=kind,
@@ -338,31 +323,21 @@ def _moves(
             unit="m",
             scale=_TENTH,
             most=_MAX_MOVE,
-            propose=partial(_moved, kind, solid, path, np.array(position), name, direction),
+            propose=partial(shifted, name, direction),
             about=about,
             is_move=True,
             is_of_robot=kind == "attached",
         )
 
 
-def _moved(
-    kind: str,
-    solid: str,
-    path: str,
-    position: FloatArray,
-    name: str,
-    direction: FloatArray,
-    size: float,
-) -> Proposal:
-    after = along(position, direction, size)
-    frame = " of the tool frame" if kind == "attached" else ""
-    noun = "attached solid" if kind == "attached" else kind
-    text = f"move {noun} '{solid}' by {figures(size, 'm')} {name}{frame}"
-    return Proposal({path: after}, after, text, figures(size, "m"))
-
-
 def clearance_changes(question: Question, sign: int) -> Iterator[Change]:
     """Yield the changes of each clearance, larger (sign 1) or smaller (-1)."""
+
+    def changed(path: str, name: str, before: float, size: float) -> Proposal:
+        after = max(exact(before + sign * size), 0.0)  # sizes are rounded
+        text = f"{name} {from_to(before, after, 'm')}"
+        return Proposal({path: after}, after, text, figures(after, "m"))
+
     for path, name, before, about in _clearances(question):
         if sign > 0 or before > 0:
             yield Change(
@@ -372,7 +347,7 @@ def clearance_changes(question: Question, sign: int) -> Iterator[Change]:
                 unit="m",
                 scale=before or _TENTH,
                 most=_MAX_MOVE if sign > 0 else before,
-                propose=partial(_clearance, path, name, before, sign),
+                propose=partial(changed, path, name, before),
                 about=about,
                 is_loss=sign < 0,
             )
@@ -393,9 +368,3 @@ def _clearances(question: Question) -> Iterator[tuple[str, str, float, frozenset
         if value is not None:
             about = frozenset({f"segment {k}"})
             yield f"clearance.segments.{k}", f"clearance of segment {k}", value, about
-
-
-def _clearance(path: str, name: str, before: float, sign: int, size: float) -> Proposal:
-    after = max(exact(before + sign * size), 0.0)  # sizes are rounded
-    text = f"{name} {from_to(before, after, 'm')}"
-    return Proposal({path: after}, after, text, figures(after, "m"))

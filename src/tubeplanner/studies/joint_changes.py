@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.first_guess.pose_configurations import middle_of
@@ -29,57 +28,79 @@ def limit_changes(question: Question) -> Iterator[Change]:
     """Yield the changes that widen limits of joints, or lighten the payload."""
     yield from effort_changes(question, 1)
     yield from payload_changes(question, -1)
-    yield from _positions(question)
+    robot, own = question.robot, question.fields.robot.limits.position
+    lower, upper = robot.limits.lower_position.tolist(), robot.limits.upper_position.tolist()
+
+    def wider(k: int, limits: tuple[float, float], end: int, sign: int, size: float) -> Proposal:
+        after, joint = list(limits), robot.joint_names[k]
+        after[end] = exact(limits[end] + sign * size)
+        unit = "rad" if robot.revolute[k] else "m"
+        name = ("lower", "upper")[end]
+        text = f"{joint}: {name} limit {from_to(limits[end], after[end], unit)}"
+        changes = _limit_of(question, "position", joint, after)
+        return Proposal(changes, after, text, figures(after[end], unit))
+
+    for k, joint in enumerate(robot.joint_names):
+        limits = (lower[k], upper[k])
+        for end, sign in enumerate((-1, 1)):
+            if np.isfinite(limits[end]):
+                yield Change(
+                    kind="position",
+                    field=f"robot.limits.position.{joint}",
+                    before=list(limits),
+                    unit="rad" if robot.revolute[k] else "m",
+                    scale=_TENTH,
+                    most=_MAX_WIDENING,
+                    propose=partial(wider, k, limits, end, sign),
+                    about=frozenset({joint}),
+                    is_of_robot=not isinstance(own, Mapping) or joint not in own,
+                )
 
 
 def effort_changes(question: Question, sign: int) -> Iterator[Change]:
     """Yield the changes of the effort limit of each joint, more (sign 1) or less (-1)."""
     robot, limits = question.robot, question.fields.robot.limits
-    factor = limits.scale.get("effort", 1.0)
-    for joint, limit in zip(robot.joint_names, robot.limits.effort.tolist(), strict=True):
+    scale = limits.scale.get("effort", 1.0)
+
+    def changed(joint: str, before: float, unit: str, value: Any, size: float) -> Proposal:
+        after = exact(before + sign * size)
+        factor = after / before
+        effort: Any  # as in the file: a number, a pair or a table
+        if value is None:
+            effort = after
+        elif isinstance(value, int | float):
+            effort = exact(factor * value)
+        elif isinstance(value, list | tuple):
+            effort = [exact(factor * each) for each in value]
+        else:
+            values = [exact(factor * each) for each in value.effort]
+            effort = {"position": value.position, "effort": values}
+        text = from_to(before, after, unit)
+        if sign > 0:
+            text = f"{figures(size, unit)} more ({text})"
+        changes = _limit_of(question, "effort", joint, effort)
+        return Proposal(changes, after, f"{joint}: {text}", figures(after, unit))
+
+    for k, (joint, limit) in enumerate(
+        zip(robot.joint_names, robot.limits.effort.tolist(), strict=True)
+    ):
         if not np.isfinite(limit):
             continue
+        unit = "N m" if robot.revolute[k] else "N"
         value = limits.effort.get(joint) if isinstance(limits.effort, dict) else None
-        before = exact(limit / factor)
+        before = exact(limit / scale)
         yield Change(
             kind="effort",
             field=f"robot.limits.effort.{joint}",
             before=before,
-            unit=_effort_unit(question, joint),
+            unit=unit,
             scale=before,
             most=_MAX_GROWTH * before if sign > 0 else 0.99 * before,
-            propose=partial(_effort, question, joint, before, value, sign),
+            propose=partial(changed, joint, before, unit, value),
             about=frozenset({joint}),
             is_loss=sign < 0,
             is_of_robot=value is None,
         )
-
-
-def _effort_unit(question: Question, joint: str) -> str:
-    return "N m" if question.robot.revolute[question.robot.joint_names.index(joint)] else "N"
-
-
-def _effort(
-    question: Question, joint: str, before: float, value: Any, sign: int, size: float
-) -> Proposal:
-    after = exact(before + sign * size)
-    unit = _effort_unit(question, joint)
-    changed = _scaled_effort(value, after / before) if value is not None else after
-    if sign > 0:
-        text = f"{joint}: {figures(size, unit)} more ({from_to(before, after, unit)})"
-    else:
-        text = f"{joint}: {from_to(before, after, unit)}"
-    changes = _limit_of(question, "effort", joint, changed)
-    return Proposal(changes, after, text, figures(after, unit))
-
-
-def _scaled_effort(effort: Any, factor: float) -> Any:
-    """Return the effort of a file, scaled: a number, a pair or a table."""
-    if isinstance(effort, int | float):
-        return exact(factor * effort)
-    if isinstance(effort, list | tuple):
-        return [exact(factor * value) for value in effort]
-    return {"position": effort.position, "effort": [exact(factor * x) for x in effort.effort]}
 
 
 def _limit_of(question: Question, quantity: str, joint: str, value: Any) -> dict[str, Any]:
@@ -97,43 +118,6 @@ def _limit_of(question: Question, quantity: str, joint: str, value: Any) -> dict
         factor = question.fields.robot.limits.scale.get(quantity, 1.0)
         values = [exact(each / factor) for each in getattr(robot.limits, quantity).tolist()]
     return {path: {**dict(zip(names, values, strict=True)), joint: value}}
-
-
-def _positions(question: Question) -> Iterator[Change]:
-    """Yield the changes that move an end of a joint's range outwards."""
-    robot, own = question.robot, question.fields.robot.limits.position
-    lower, upper = robot.limits.lower_position.tolist(), robot.limits.upper_position.tolist()
-    for k, joint in enumerate(robot.joint_names):
-        limits = (lower[k], upper[k])
-        for end, sign in enumerate((-1, 1)):
-            if np.isfinite(limits[end]):
-                yield Change(
-                    kind="position",
-                    field=f"robot.limits.position.{joint}",
-                    before=list(limits),
-                    unit=_position_unit(question, joint),
-                    scale=_TENTH,
-                    most=_MAX_WIDENING,
-                    propose=partial(_range, question, joint, limits, end, sign),
-                    about=frozenset({joint}),
-                    is_of_robot=not isinstance(own, Mapping) or joint not in own,
-                )
-
-
-def _position_unit(question: Question, joint: str) -> str:
-    return "rad" if question.robot.revolute[question.robot.joint_names.index(joint)] else "m"
-
-
-def _range(
-    question: Question, joint: str, limits: tuple[float, float], end: int, sign: int, size: float
-) -> Proposal:
-    after = list(limits)
-    after[end] = exact(limits[end] + sign * size)
-    name = ("lower", "upper")[end]
-    unit = _position_unit(question, joint)
-    text = f"{joint}: {name} limit {from_to(limits[end], after[end], unit)}"
-    changes = _limit_of(question, "position", joint, after)
-    return Proposal(changes, after, text, figures(after[end], unit))
 
 
 def payload_changes(question: Question, sign: int) -> Iterator[Change]:
@@ -162,9 +146,33 @@ def end_changes(question: Question) -> Iterator[Change]:
     """Yield the changes of start and goal, and of a required duration."""
     for end in ("start", "goal"):
         yield from _joints(question, end)
-    yield from _open_ends(question)
+    # Joints of start and goal are left to inverse kinematics.
+    start, goal = question.fields.start.joints, question.fields.goal
+    if start is not None:
+        with suppress(ProblemError):
+            q = question.robot.limits.clip(configuration_of(question.robot, "start", start))
+            seeded = Proposal(
+                {"start": {"seed": q.tolist()}},
+                {"seed": q.tolist()},
+                "start: inverse kinematics of reference point 0, from the joints given as a seed,",
+            )
+            yield Change.switch("start", "start", question.spec.document["start"], seeded)
+    if goal is not None and goal.joints is not None:
+        opened = Proposal({"goal": None}, None, "goal: left out, its configuration open,")
+        yield Change.switch("goal", "goal", question.spec.document["goal"], opened)
     yield from _loose_ends(question)
-    yield from _duration(question)
+    objective, period = question.fields.objective, question.fields.period
+    if objective is None or objective.duration is None:
+        return
+    before = objective.duration
+
+    def longer(size: float) -> Proposal:
+        after = before + size
+        after = exact(after if not period else ceil(after / period - _ROUNDING) * period)
+        text = f"objective.duration {from_to(before, after, 's')}"
+        return Proposal({"objective.duration": after}, after, text, figures(after, "s"))
+
+    yield Change("duration", "objective.duration", before, "s", before, 100 * before, longer)
 
 
 def _joints(question: Question, end: str) -> Iterator[Change]:
@@ -176,6 +184,14 @@ def _joints(question: Question, end: str) -> Iterator[Change]:
     except ProblemError:  # it names an unknown joint: loading the problem reports that
         return
     revolute = question.robot.revolute
+
+    def shifted(k: int, joint: str, sign: int, size: float) -> Proposal:
+        after = q.tolist()
+        after[k] = exact(after[k] + sign * size)
+        brief = figures(size, "rad" if revolute[k] else "m")
+        text = f"{end}: {'' if sign > 0 else '-'}{brief} on {joint}"
+        return Proposal({f"{end}.joints": after}, after, text, brief)
+
     for k, joint in enumerate(question.robot.joint_names):
         for sign in (1, -1):
             yield Change(
@@ -185,49 +201,16 @@ def _joints(question: Question, end: str) -> Iterator[Change]:
                 unit="rad" if revolute[k] else "m",
                 scale=_TENTH,
                 most=_MAX_MOVE,
-                propose=partial(_shifted, end, q, k, sign, joint, "rad" if revolute[k] else "m"),
+                propose=partial(shifted, k, joint, sign),
                 about=frozenset({end, joint}),
             )
-
-
-def _shifted(
-    end: str, q: FloatArray, k: int, sign: int, joint: str, unit: str, size: float
-) -> Proposal:
-    after = q.tolist()
-    after[k] = exact(after[k] + sign * size)
-    minus = "" if sign > 0 else "-"
-    text = f"{end}: {minus}{figures(size, unit)} on {joint}"
-    return Proposal({f"{end}.joints": after}, after, text, figures(size, unit))
-
-
-def _open_ends(question: Question) -> Iterator[Change]:
-    """Yield the changes of start and goal from given joints to inverse kinematics."""
-    start, goal = question.fields.start.joints, question.fields.goal
-    if start is not None:
-        with suppress(ProblemError):
-            q = question.robot.limits.clip(configuration_of(question.robot, "start", start))
-            seeded = Proposal(
-                {"start": {"seed": q.tolist()}},
-                {"seed": q.tolist()},
-                "start: inverse kinematics of reference point 0, from the joints given as a seed,",
-            )
-            yield _switch("start", question.spec.document["start"], seeded)
-    if goal is not None and goal.joints is not None:
-        opened = Proposal({"goal": None}, None, "goal: left out, its configuration open,")
-        yield _switch("goal", question.spec.document["goal"], opened)
-
-
-def _switch(end: str, before: Any, proposal: Proposal) -> Change:
-    return Change(
-        *(end, end, before, "", 1.0, 1.0, lambda size: proposal), about=frozenset(), is_switch=True
-    )
 
 
 def _loose_ends(question: Question) -> Iterator[Change]:
     """Yield a start by joints near its point, a goal within a tolerance, and both together."""
     start = _start_nearby(question)
     if start is not None:
-        yield _switch("start", question.spec.document["start"], start)
+        yield Change.switch("start", "start", question.spec.document["start"], start)
     goal, last = question.fields.goal, question.segment_count
     about = frozenset({"goal", f"segment {last - 1}", f"point {last}"})
     has_position = goal is not None and goal.position is not None
@@ -235,6 +218,21 @@ def _loose_ends(question: Question) -> Iterator[Change]:
     proposals: list[tuple[str, Proposal | None]] = [("goal", None)]
     if start is not None and (goal is None or goal.joints is None):
         proposals.append(("ends", start))
+
+    def within(other_start: Proposal | None, size: float) -> Proposal:
+        after = exact(before + size)
+        changes: dict[str, Any] = {"goal.tolerance": after}
+        text = f"goal.tolerance {from_to(before, after, 'm')}"
+        if not has_position:
+            pose = None if goal is None else goal.pose
+            centre = question.points[-1].tolist() if pose is None else list(pose.position)
+            changes = {"goal": {"position": centre, "tolerance": after}}
+            name = f"reference point {last}" if pose is None else "its position"
+            text = f"goal: within {figures(after, 'm')} of {name}, in any configuration"
+        if other_start is not None:
+            changes, text = {**other_start.changes, **changes}, f"{other_start.text} {text}"
+        return Proposal(changes, after, text, figures(after, "m"))
+
     for kind, other in proposals:
         yield Change(
             kind=kind,
@@ -243,28 +241,9 @@ def _loose_ends(question: Question) -> Iterator[Change]:
             unit="m",
             scale=before or _TENTH,
             most=_MAX_MOVE,
-            propose=partial(_goal_within, question, before, has_position, other),
+            propose=partial(within, other),
             about=about,
         )
-
-
-def _goal_within(
-    question: Question, before: float, has_position: bool, start: Proposal | None, size: float
-) -> Proposal:
-    """Return the goal within a tolerance of its position, with another start if given."""
-    after = exact(before + size)
-    goal = question.fields.goal
-    changes: dict[str, Any] = {"goal.tolerance": after}
-    text = f"goal.tolerance {from_to(before, after, 'm')}"
-    if not has_position:
-        pose = None if goal is None else goal.pose
-        centre = question.points[-1].tolist() if pose is None else list(pose.position)
-        changes = {"goal": {"position": centre, "tolerance": after}}
-        name = f"reference point {question.segment_count}" if pose is None else "its position"
-        text = f"goal: within {figures(after, 'm')} of {name}, in any configuration"
-    if start is not None:
-        changes, text = {**start.changes, **changes}, f"{start.text} {text}"
-    return Proposal(changes, after, text, figures(after, "m"))
 
 
 def _start_nearby(question: Question) -> Proposal | None:
@@ -290,19 +269,3 @@ def _start_nearby(question: Question) -> Proposal | None:
     values = ", ".join(f"{value:g}" for value in q)
     text = f"start: joints [{values}], {figures(apart, 'm')} from its point;"
     return Proposal({"start": {"joints": q.tolist()}}, {"joints": q.tolist()}, text)
-
-
-def _duration(question: Question) -> Iterator[Change]:
-    objective = question.fields.objective
-    if objective is None or objective.duration is None:
-        return
-    before, period = objective.duration, question.fields.period
-
-    def longer(size: float) -> Proposal:
-        after = before + size
-        after = exact(after if not period else ceil(after / period - _ROUNDING) * period)
-        text = f"objective.duration {from_to(before, after, 's')}"
-        return Proposal({"objective.duration": after}, after, text, figures(after, "s"))
-
-    path = "objective.duration"
-    yield Change("duration", path, before, "s", before, 100 * before, longer)

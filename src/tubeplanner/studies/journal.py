@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
-from types import TracebackType
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter
@@ -59,12 +58,7 @@ class Journal:
     def __enter__(self) -> "Journal":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self._file.close()
 
     def __len__(self) -> int:
@@ -149,21 +143,18 @@ class Journal:
             if is_torn and _BEGIN.startswith(line[: len(_BEGIN)]):
                 self._file.truncate(offset)
                 break
-            self._offsets[self._key(number, line)] = offset
+            try:
+                fields: Any = parse_json(line.decode())
+                key, row = fields["key"], fields["row"]
+                if not isinstance(key, str) or not isinstance(row, dict) or row["status"] is None:
+                    raise TypeError
+            except (ValueError, KeyError, TypeError):
+                raise OutputError(
+                    f"{self._path}: line {number} is none of a study's journal; the file stays as "
+                    "it is: name another table, or move the file away"
+                ) from None
+            self._offsets[key] = offset
             offset += len(line)
-
-    def _key(self, number: int, line: bytes) -> str:
-        try:
-            fields: Any = parse_json(line.decode())
-            key, row = fields["key"], fields["row"]
-            if not isinstance(key, str) or not isinstance(row, dict) or row["status"] is None:
-                raise TypeError
-        except (ValueError, KeyError, TypeError):
-            raise OutputError(
-                f"{self._path}: line {number} is none of a study's journal; the file stays as it "
-                "is: name another table, or move the file away"
-            ) from None
-        return key
 
 
 def require_fields(kind: type, values: Mapping[str, Any]) -> None:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from tubeplanner.checks import given_options, given_path, given_row, require_count, require_executor
-from tubeplanner.errors import OptionError, ProblemError, unknown_name
-from tubeplanner.outcome import Infeasible, StoppedBy, require_callback
+from tubeplanner.errors import OptionError, unknown_name
+from tubeplanner.outcome import StoppedBy, require_callback
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.strategy import plan
 from tubeplanner.studies.base_regions import (
@@ -22,7 +22,6 @@ from tubeplanner.studies.base_regions import (
     MovableProblem,
     PlacementGrid,
     Region,
-    require_base_free,
 )
 from tubeplanner.studies.journal import Journal
 from tubeplanner.studies.placement_rows import (
@@ -33,7 +32,6 @@ from tubeplanner.studies.placement_rows import (
 )
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.worker_processes import WorkerProcesses
-from tubeplanner.task.problem import PlanningProblem
 
 # ---- Placement: a grid, then a pattern search from its best base poses.
 
@@ -120,9 +118,18 @@ def place(
     movable = MovableProblem.of(ProblemSpec.read(problem).changed(changes))
     bounds = Region.of(region, movable.given.z)
     loaded = movable.load(movable.given)
-    on = _names(loaded, stands_on)
+    names = [obstacle.name for obstacle in loaded.obstacles]
+    if stands_on is None and names:
+        raise OptionError(
+            f"stands_on is required where there are obstacles ({', '.join(names)}): name what the "
+            "robot stands on; --stands-on none, in Python (), if that is none of them"
+        )
+    for name in stands_on or ():
+        if not isinstance(name, str) or name not in names:
+            raise OptionError(f"stands_on: {unknown_name('obstacle', name, names)}")
+    on = tuple(dict.fromkeys(stands_on or ()))
     report("planning as given")
-    as_given = _given(movable, on, options.plan_options)
+    as_given = GivenPlacement.of(movable, on, options.plan_options)
     grid = bounds.grid(options.points, movable.given.yaw)
     with nullcontext() if path is None else Journal(path) as answers:
         # In steps of a period, durations have plateaus on which no search finds its way.
@@ -134,55 +141,27 @@ def place(
     )
     if stopped_by is None:  # after Ctrl-C no report: the caller may stop at one again
         report("planning the best")
-    return _answered(result, movable, options.plan_options)
-
-
-def _names(problem: PlanningProblem, stands_on: Sequence[str] | None) -> tuple[str, ...]:
-    """Return the names of the obstacles that the robot stands on, checked and each once."""
-    names = [obstacle.name for obstacle in problem.obstacles]
-    if stands_on is None and names:
-        raise OptionError(
-            f"stands_on is required where there are obstacles ({', '.join(names)}): name what the "
-            "robot stands on; --stands-on none, in Python (), if that is none of them"
-        )
-    for name in stands_on or ():
-        if not isinstance(name, str) or name not in names:
-            raise OptionError(f"stands_on: {unknown_name('obstacle', name, names)}")
-    return tuple(dict.fromkeys(stands_on or ()))
-
-
-def _given(
-    movable: MovableProblem, stands_on: Sequence[str], options: PlanOptions
-) -> GivenPlacement:
-    try:
-        problem = movable.spec.load()
-        assert isinstance(problem, PlanningProblem)
-        require_base_free(problem, stands_on)
-    except (ProblemError, Infeasible) as error:
-        return GivenPlacement(
-            movable.given, None, str(error).removeprefix(f"{movable.spec.name}: ")
-        )
-    result = plan(problem, options)
-    return GivenPlacement(movable.given, result, result.message)
+    refusal = ""
+    for row in _feasible(result.rows)[:_STARTS]:  # the next where the best fails
+        best = movable.load(row.base_placement, row.seeds)
+        answer = plan(best, options.plan_options)
+        refusal = refusal or answer.message
+        if answer.succeeded:
+            values = movable.changes(row.base_placement, row.seeds)
+            return replace(result, problem=best, best=row, result=answer, changes=values)
+    return replace(result, refusal=refusal)
 
 
 def _searched(
     trials: PlacementTrials,
     region: Region,
     grid: PlacementGrid,
-    given: BasePlacement,
+    as_given: BasePlacement,
     executor: Executor | None,
     report: Callable[[object], None],
 ) -> StoppedBy | None:
-    """Try the grid, the base pose as given, and those of a pattern search.
-
-    Returns:
-        "interrupt" if Ctrl-C ended the search; None otherwise.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C before the first base pose was tried.
-    """
-    base_placements = [*grid.base_placements, *[region.nearest(given)] * region.holds(given)]
+    """Try the grid, the base pose as given and a pattern search; "interrupt" after Ctrl-C."""
+    base_placements = [*grid.base_placements, *[region.nearest(as_given)] * region.holds(as_given)]
     try:
         # Inside: Ctrl-C goes through it, which ends the processes.
         with WorkerProcesses() if executor is None else nullcontext(executor) as workers:
@@ -230,19 +209,6 @@ def _neighbours(
             )
             result.append(region.nearest(neighbour))
     return [each for each in dict.fromkeys(result) if each != base_placement]
-
-
-def _answered(placement: Placement, movable: MovableProblem, options: PlanOptions) -> Placement:
-    """Return a placement with the plan of its best row, or of the next rows if that fails."""
-    refusal = ""
-    for row in _feasible(placement.rows)[:_STARTS]:
-        problem = movable.load(row.base_placement, row.seeds)
-        result = plan(problem, options)
-        refusal = refusal or result.message
-        if result.succeeded:
-            changes = movable.changes(row.base_placement, row.seeds)
-            return replace(placement, problem=problem, best=row, result=result, changes=changes)
-    return replace(placement, refusal=refusal)
 
 
 def _feasible(rows: Sequence[PlacementRow]) -> list[PlacementRow]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from tubeplanner.errors import FormerName, TubePlannerError
+from tubeplanner.errors import FormerName, ProblemError, TubePlannerError
 from tubeplanner.outcome import Infeasible, Location, PlanStatus, StoppedBy
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
@@ -20,7 +20,7 @@ from tubeplanner.studies.base_regions import (
     require_base_free,
 )
 from tubeplanner.studies.journal import Journal, require_fields
-from tubeplanner.studies.plan_many import Done, run_many
+from tubeplanner.studies.plan_many import run_many
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 
@@ -90,8 +90,7 @@ class PlacementRow:
     def as_dict(self) -> dict[str, Any]:
         """Return the row as JSON values."""
         return {
-            "position": list(self.base_placement[:3]),
-            "yaw": self.base_placement.yaw,
+            **self.base_placement.as_dict(),
             "status": str(self.status),
             "message": self.message,
             "where": self.location.as_dict(),
@@ -107,10 +106,7 @@ class PlacementRow:
             KeyError: A value is missing.
             ValueError: A value is unknown, or of another type.
         """
-        where: dict[str, Any] = {
-            key: tuple(value) if isinstance(value, list) else value
-            for key, value in fields["where"].items()
-        }
+        location = Location.of_dict(fields["where"])
         x, y, z = fields["position"]
         names = {"position": "base_placement", "where": "location"}
         plain = {names.get(key, key): value for key, value in fields.items() if key != "yaw"}
@@ -119,7 +115,7 @@ class PlacementRow:
             BasePlacement(x, y, z, fields["yaw"]),
             fields["status"],
             fields["message"],
-            Location(**where),
+            location,
             fields["duration"],
             fields["seeds"],
         )
@@ -177,6 +173,20 @@ class GivenPlacement:
     __repr__ = short_repr
 
     stand = FormerName("base_placement")
+
+    @classmethod
+    def of(
+        cls, movable: MovableProblem, stands_on: Sequence[str], options: PlanOptions
+    ) -> "GivenPlacement":
+        """Plan a problem as given."""
+        try:
+            problem = movable.spec.load()
+            assert isinstance(problem, PlanningProblem)
+            require_base_free(problem, stands_on)
+        except (ProblemError, Infeasible) as error:
+            return cls(movable.given, None, str(error).removeprefix(f"{movable.spec.name}: "))
+        result = plan(problem, options)
+        return cls(movable.given, result, result.message)
 
     @property
     def duration(self) -> float | None:
@@ -270,8 +280,6 @@ class Placement:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the placement as JSON values."""
-        given = {**_location_of(self.given.base_placement), "duration": self.given.duration}
-        best = None if self.best is None else _location_of(self.best.base_placement)
         keys = "reason", "count", "example"
         return {
             "problem": self.problem.name,
@@ -280,8 +288,12 @@ class Placement:
             "message": self.message,
             "duration": self.duration,
             "stopped_by": self.stopped_by,
-            "given": {**given, "message": self.given.message},
-            "best": best,
+            "given": {
+                **self.given.base_placement.as_dict(),
+                "duration": self.given.duration,
+                "message": self.given.message,
+            },
+            "best": None if self.best is None else self.best.base_placement.as_dict(),
             "gain": self.gain,
             "changes": dict(self.changes),
             "tried": len(self.rows),
@@ -290,10 +302,6 @@ class Placement:
             "reasons": [dict(zip(keys, each, strict=True)) for each in self.reasons],
             "rows": [row.as_dict() for row in self.rows],
         }
-
-
-def _location_of(base_placement: BasePlacement) -> dict[str, Any]:
-    return {"position": list(base_placement[:3]), "yaw": base_placement.yaw}
 
 
 # ---- Trials: base poses tried side by side, each once.
@@ -351,38 +359,30 @@ class PlacementTrials:
         self._order.update(
             {base_placement: len(self._order) + k for k, base_placement in enumerate(new)}
         )
-        missing = [base_placement for base_placement in new if not self._restored(base_placement)]
+        missing = []
+        for base_placement in new:
+            if self._journal is None or (key := self._key(base_placement)) not in self._journal:
+                missing.append(base_placement)
+                continue
+            self._rows[base_placement] = self._journal.made(key, PlacementRow.of_dict)
+            self.restored += 1
         calls = [
             (self._problem, base_placement, self._stands_on, SEARCH_OPTIONS)
             for base_placement in missing
         ]
         report(0, len(missing))
         for count, done in enumerate(run_many(tried, calls, executor), start=1):
-            self._keep(missing[done.index], done)
+            base_placement, row = missing[done.index], done.value
+            if row is None:
+                message = f"{type(done.error).__name__}: {done.error}"
+                row = PlacementRow(base_placement, str(PlanStatus.CRASHED), message)
+            self._rows[base_placement] = row
+            if self._journal is not None:
+                base = self._problem.changes(base_placement)["robot.base"]
+                values = {f"robot.base.{key}": value for key, value in base.items()}
+                self._journal.add(self._key(base_placement), values, row.as_dict())
             report(count, len(missing))
         return [self._rows[base_placement] for base_placement in base_placements]
-
-    def _restored(self, base_placement: BasePlacement) -> bool:
-        """Take the row of a base pose from the journal; return True if there is a row."""
-        if self._journal is None:
-            return False
-        key = self._key(base_placement)
-        if key not in self._journal:
-            return False
-        self._rows[base_placement] = self._journal.made(key, PlacementRow.of_dict)
-        self.restored += 1
-        return True
-
-    def _keep(self, base_placement: BasePlacement, done: Done[PlacementRow]) -> None:
-        row = done.value
-        if row is None:
-            message = f"{type(done.error).__name__}: {done.error}"
-            row = PlacementRow(base_placement, str(PlanStatus.CRASHED), message)
-        self._rows[base_placement] = row
-        if self._journal is not None:
-            base = self._problem.changes(base_placement)["robot.base"]
-            values = {f"robot.base.{key}": value for key, value in base.items()}
-            self._journal.add(self._key(base_placement), values, row.as_dict())
 
     def _key(self, base_placement: BasePlacement) -> str:
         """Return a hash of all inputs of a row: the plan's, and `stands_on`."""

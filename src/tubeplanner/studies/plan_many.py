@@ -129,7 +129,18 @@ def _planned_many(
 
     with WorkerProcesses() if executor is None else nullcontext(executor) as workers:
         for done in run_many(_answer, calls(), workers):
-            yield _item(done, sent.pop(done.index))
+            problem = sent.pop(done.index)
+            if done.value is None:
+                reason = f"{type(done.error).__name__}: {done.error}"
+                yield PlannedItem(done.index, None, reason, crashed=True)
+                continue
+            answer, seconds = done.value
+            if isinstance(answer, bytes) and isinstance(problem, PlanningProblem):
+                answer = read_reply(answer, problem)
+            if isinstance(answer, str):
+                yield PlannedItem(done.index, None, answer, loading_time=seconds)
+            else:
+                yield PlannedItem(done.index, answer, answer.message, loading_time=seconds)
 
 
 def _packed(problem: Plannable, packer: "Packer") -> Any:
@@ -158,18 +169,6 @@ def _answer(call: tuple[Any, PlanOptions]) -> tuple[Any, float]:
     if isinstance(packed, Parcel) and isinstance(problem, PlanningProblem):
         return reply(result, problem), loading_time
     return result, loading_time
-
-
-def _item(done: "Done[tuple[Any, float]]", problem: Plannable) -> PlannedItem:
-    if done.value is None:
-        error = done.error
-        return PlannedItem(done.index, None, f"{type(error).__name__}: {error}", crashed=True)
-    answer, loading_time = done.value
-    if isinstance(answer, bytes) and isinstance(problem, PlanningProblem):
-        answer = read_reply(answer, problem)
-    if isinstance(answer, str):
-        return PlannedItem(done.index, None, answer, loading_time=loading_time)
-    return PlannedItem(done.index, answer, answer.message, loading_time=loading_time)
 
 
 # ---- Calls of one function with many items, by any executor.
@@ -243,21 +242,19 @@ def run_many(
                     )
                 except Empty:
                     raise TimeLimitReached from None
-                yield _of_future(waiting.pop(future), future)
+                index = waiting.pop(future)
+                try:
+                    result = Done(index, future.result())
+                except (BrokenExecutor, CancelledError) as error:
+                    raise _broken(error) from error
+                except Exception as error:
+                    result = Done(index, error=error)
+                yield result
             else:
                 return
     finally:
         for future in waiting:
             future.cancel()
-
-
-def _of_future(index: int, future: "Future[_R]") -> Done[_R]:
-    try:
-        return Done(index, future.result())
-    except (BrokenExecutor, CancelledError) as error:
-        raise _broken(error) from error
-    except Exception as error:
-        return Done(index, error=error)
 
 
 def _broken(error: BaseException) -> OptionError:

@@ -46,6 +46,25 @@ class Remedy:
 
     __repr__ = short_repr
 
+    @classmethod
+    def of(cls, bracket: SizeBracket) -> "Remedy":
+        """Return the remedy of a bracket that has a certified motion."""
+        enough, too_small, change = bracket.larger, bracket.smaller, bracket.change
+        assert enough is not None and enough.duration is not None
+        return cls(
+            field=change.field,
+            before=change.before,
+            after=enough.proposal.after,
+            unit=change.unit,
+            duration=enough.duration,
+            text=enough.proposal.text + " would work" * change.is_switch,
+            changes=enough.proposal.changes,
+            cost=bracket.cost,
+            too_little=None if too_small is None else too_small.proposal.after,
+            too_little_text="" if too_small is None else too_small.proposal.brief,
+            is_smallest=bracket.is_done,
+        )
+
     def as_dict(self) -> dict[str, Any]:
         """Return the remedy as JSON values; infinity is `.inf`."""
         fields = asdict(self)
@@ -83,6 +102,27 @@ class Headroom:
 
     __repr__ = short_repr
 
+    @classmethod
+    def of(cls, bracket: SizeBracket) -> "Headroom":
+        """Return the headroom of a bracket that was tried."""
+        good, bad, change = bracket.smaller, bracket.larger, bracket.change
+        if good is not None:
+            text = good.proposal.text
+        else:
+            assert bad is not None
+            text = f"not even {bad.proposal.text}"
+        return cls(
+            field=change.field,
+            before=change.before,
+            after=None if good is None else good.proposal.after,
+            unit=change.unit,
+            duration=None if good is None else good.duration,
+            text=text,
+            too_much=None if bad is None else bad.proposal.after,
+            too_much_text="" if bad is None else bad.proposal.brief,
+            is_exact=bracket.is_done,
+        )
+
     def as_dict(self) -> dict[str, Any]:
         """Return the headroom as JSON values; infinity is `.inf`."""
         fields = asdict(self)
@@ -112,10 +152,6 @@ class RemedySearch:
 
         The least likely kinds are tried only if no other change helps. Trials are quick at first;
         then the ends of brackets are tried thoroughly, and if no change helps, all changes.
-
-        Raises:
-            TimeLimitReached: The time limit has passed.
-            KeyboardInterrupt: Ctrl-C.
         """
         self._search_all(is_thorough=False)
         self._narrow(is_thorough=True)
@@ -139,7 +175,7 @@ class RemedySearch:
             if bracket.is_done or bracket.change.field not in fields:
                 result.setdefault(str(bracket.larger.proposal.changes), bracket)
                 fields.add(bracket.change.field)
-        return tuple(map(_remedy, result.values()))
+        return tuple(map(Remedy.of, result.values()))
 
     @property
     def ineffective(self) -> tuple[str, ...]:
@@ -183,24 +219,6 @@ class RemedySearch:
             try_sizes(self._trials, smallest, is_thorough)
 
 
-def _remedy(bracket: SizeBracket) -> Remedy:
-    enough, too_small, change = bracket.larger, bracket.smaller, bracket.change
-    assert enough is not None and enough.duration is not None
-    return Remedy(
-        field=change.field,
-        before=change.before,
-        after=enough.proposal.after,
-        unit=change.unit,
-        duration=enough.duration,
-        text=enough.proposal.text + " would work" * change.is_switch,
-        changes=enough.proposal.changes,
-        cost=bracket.cost,
-        too_little=None if too_small is None else too_small.proposal.after,
-        too_little_text="" if too_small is None else too_small.proposal.brief,
-        is_smallest=bracket.is_done,
-    )
-
-
 # ---- Search for headroom: single quantities made worse until no motion results.
 
 
@@ -222,12 +240,7 @@ class HeadroomSearch:
         self._brackets = [SizeBracket(change, helps=False) for change in changes]
 
     def run(self) -> None:
-        """Narrow the brackets of all changes in turns, quickly, then thoroughly at their ends.
-
-        Raises:
-            TimeLimitReached: The time limit has passed.
-            KeyboardInterrupt: Ctrl-C.
-        """
+        """Narrow the brackets of all changes in turns, quickly, then thoroughly at their ends."""
         for is_thorough in (False, True):
             while sizes := open_sizes(self._brackets, is_thorough):
                 try_sizes(self._trials, sizes, is_thorough)
@@ -236,24 +249,4 @@ class HeadroomSearch:
     def headrooms(self) -> tuple[Headroom, ...]:
         """The headrooms so far, the least for its scale first."""
         brackets = [bracket for bracket in self._brackets if bracket.smaller or bracket.larger]
-        return tuple(map(_headroom, sorted(brackets, key=lambda bracket: bracket.cost)))
-
-
-def _headroom(bracket: SizeBracket) -> Headroom:
-    good, bad, change = bracket.smaller, bracket.larger, bracket.change
-    if good is not None:
-        text = good.proposal.text
-    else:
-        assert bad is not None
-        text = f"not even {bad.proposal.text}"
-    return Headroom(
-        field=change.field,
-        before=change.before,
-        after=None if good is None else good.proposal.after,
-        unit=change.unit,
-        duration=None if good is None else good.duration,
-        text=text,
-        too_much=None if bad is None else bad.proposal.after,
-        too_much_text="" if bad is None else bad.proposal.brief,
-        is_exact=bracket.is_done,
-    )
+        return tuple(map(Headroom.of, sorted(brackets, key=lambda bracket: bracket.cost)))

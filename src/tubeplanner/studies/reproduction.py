@@ -17,7 +17,7 @@ from tubeplanner.first_guess.branches import KnownBranches, redundancy_rules
 from tubeplanner.first_guess.line_schemes import PAPER, conventional_trajectory
 from tubeplanner.first_guess.tool_paths import tool_paths
 from tubeplanner.geometry.tube.tube import Tube
-from tubeplanner.outcome import Infeasible, PlanningClock, Progress
+from tubeplanner.outcome import Infeasible, PlanningClock
 from tubeplanner.planning.options import REFINEMENT, SUH_BISHOP, PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
@@ -236,11 +236,21 @@ def reproduce(progress: Callable[[object], None] | None = None) -> Reproduction:
     for number, (example, radius) in enumerate(tabulated, start=1):
         tolerance = "no tube" if radius == NO_TUBE else f"{1000 * radius:.0f} mm"
         stage = f"example {example}, {tolerance} ({number} of {len(tabulated)})"
-        cells[example, radius] = _cell(example, radius, _prefixed(report, stage))
+        cells[example, radius] = _cell(example, radius, stage, report)
     paths = {}
     for example in TABLE_TWO:
         report(f"example {example}, schemes without a tube")
-        paths[example] = _path(example)
+        problem = paper_problem(example, PATH_RADIUS)
+        branches = KnownBranches(problem, PlanningClock(None, None))
+        lines = tool_paths(problem, branches.by_rule(redundancy_rules(problem)[0]), arcs=False)
+        conventional = conventional_trajectory(problem.robot, lines, PAPER)
+        trajectories: dict[str, JointTrajectory | str] = {CONVENTIONAL: conventional}
+        for name in BASELINES:
+            try:
+                trajectories[name] = judged_baseline(problem, name)[0].trajectory
+            except Infeasible as reason:
+                trajectories[name] = str(reason)
+        paths[example] = ReproducedPath(example, trajectories)
     return Reproduction(cells, paths)
 
 
@@ -252,33 +262,18 @@ def paper_problem(example: int, radius: float) -> PlanningProblem:
     return problem.with_tube(problem.tube.with_radius(radius))
 
 
-def _prefixed(report: Callable[[object], None], stage: str) -> Callable[[Progress], None]:
-    return lambda progress: report(f"{stage}: {progress}")
-
-
-def _cell(example: int, radius: float, progress: Callable[[Progress], None]) -> ReproducedCell:
+def _cell(
+    example: int, radius: float, stage: str, report: Callable[[object], None]
+) -> ReproducedCell:
     problem = paper_problem(example, radius)
     results = []
     for method in _METHODS:
-        result = plan(problem, PlanOptions(method, slack=0.0), progress)
+        options = PlanOptions(method, slack=0.0)
+        result = plan(problem, options, lambda progress: report(f"{stage}: {progress}"))
         if result.stopped_by == "interrupt":
             raise KeyboardInterrupt
         results.append(result)
     return ReproducedCell(example, radius, problem, *results)
-
-
-def _path(example: int) -> ReproducedPath:
-    problem = paper_problem(example, PATH_RADIUS)
-    branches = KnownBranches(problem, PlanningClock(None, None))
-    lines = tool_paths(problem, branches.by_rule(redundancy_rules(problem)[0]), arcs=False)
-    conventional = conventional_trajectory(problem.robot, lines, PAPER)
-    trajectories: dict[str, JointTrajectory | str] = {CONVENTIONAL: conventional}
-    for name in BASELINES:
-        try:
-            trajectories[name] = judged_baseline(problem, name)[0].trajectory
-        except Infeasible as reason:
-            trajectories[name] = str(reason)
-    return ReproducedPath(example, trajectories)
 
 
 _INTRODUCTION = """\
@@ -339,12 +334,29 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
         + [_seconds(path.duration(scheme)) for scheme in schemes]
         for number, path in reproduction.paths.items()
     ]
+    examples: dict[str, list[int]] = {}  # by remark: some have the same
+    for number, row in TABLE_TWO.items():
+        if row.remark:
+            examples.setdefault(row.remark, []).append(number)
+    remarks = [
+        f"Example{'s' * (len(numbers) > 1)} {' and '.join(map(str, numbers))}: {remark}."
+        for remark, numbers in examples.items()
+    ]
+    radii = ", ".join(f"{1000 * radius:.0f}" for radius in FIGURE_SEVEN)
+    durations = ", ".join(
+        f"{_seconds(reproduction.cell(1, radius).published.duration)} ({printed:.2f})"
+        for radius, printed in FIGURE_SEVEN.items()
+    )
+    figure_seven = (
+        "The caption of figure 7 says example 2, but the figure shows example 1. Our published "
+        f"durations at {radii} mm, with the printed ones in brackets: {durations} s."
+    )
     parts = [
         _INTRODUCTION,
         "## Table II: five examples\n",
         _table_two(reproduction),
         _summary(reproduction),
-        _NOT_MONOTONE + _remarks(_on_examples()),
+        _NOT_MONOTONE + _remarks(remarks),
         "## The reference path itself\n",
         _SCHEMES,
         _table(("example", "conventional, printed", *schemes), without_tube),
@@ -355,22 +367,10 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
         _table_of_line(reproduction, TABLE_FOUR),
         _remarks([TABLE_FOUR.remark, _line_itself(reproduction, TABLE_FOUR)]),
         "## Figures\n",
-        _remarks([_figure_seven(reproduction)]),
+        _remarks([figure_seven]),
         *(f"![{caption}]({file})\n" for caption, file in figures.items()),
     ]
     return "\n".join(parts)
-
-
-def _on_examples() -> list[str]:
-    """Return the remarks on the printed numbers; a remark on several examples once."""
-    examples: dict[str, list[int]] = {}
-    for number, row in TABLE_TWO.items():
-        if row.remark:
-            examples.setdefault(row.remark, []).append(number)
-    return [
-        f"Example{'s' * (len(numbers) > 1)} {' and '.join(map(str, numbers))}: {remark}."
-        for remark, numbers in examples.items()
-    ]
 
 
 def _table_two(reproduction: Reproduction) -> str:
@@ -439,18 +439,6 @@ def _line_itself(reproduction: Reproduction, table: PrintedLine) -> str:
         f"Bang-bang on the line itself takes {_seconds(bang_bang)} s (printed: "
         f"{table.bang_bang:.2f} s), smoothed {_seconds(smoothed)} s (printed: {table.smoothed:.2f} "
         "s, with 26 % as an estimate of the cost of smoothness)."
-    )
-
-
-def _figure_seven(reproduction: Reproduction) -> str:
-    summary = ", ".join(
-        f"{_seconds(reproduction.cell(1, radius).published.duration)} ({printed:.2f})"
-        for radius, printed in FIGURE_SEVEN.items()
-    )
-    radii = ", ".join(f"{1000 * radius:.0f}" for radius in FIGURE_SEVEN)
-    return (
-        f"The caption of figure 7 says example 2, but the figure shows example 1. Our published "
-        f"durations at {radii} mm, with the printed ones in brackets: {summary} s."
     )
 
 

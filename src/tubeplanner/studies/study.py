@@ -1,7 +1,7 @@
 """Study: problems, axes, designs of points."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -41,7 +41,14 @@ class Levels:
         """
         if isinstance(self.values, EvenValues):
             return self.values.interval.ends
-        return tuple(_of_each_kind(self.values))
+        ends, kinds = [], set()
+        for value in self.values:
+            if isinstance(value, list | dict):
+                ends.append(value)
+            elif (is_factor := factor_of(value) is not None) not in kinds:
+                kinds.add(is_factor)
+                ends.append(value)
+        return tuple(ends)
 
     def at(self, fraction: float) -> Any:
         """Return the value at a fraction of the axis, from 0 (included) to 1 (excluded)."""
@@ -140,18 +147,6 @@ def interval(path: str, first: Any, last: Any, *, is_logarithmic: bool) -> Inter
     return Interval(path, begin, end, is_logarithmic, is_factor)
 
 
-def _of_each_kind(values: Iterable[Any]) -> Iterable[Any]:
-    """Yield the first number or text, the first factor, and all lists and maps."""
-    seen = set()
-    for value in values:
-        if not isinstance(value, list | dict):
-            is_factor = factor_of(value) is not None
-            if is_factor in seen:
-                continue
-            seen.add(is_factor)
-        yield value
-
-
 # ---- Points: combinations of values.
 
 MAX_POINTS = 10_000_000
@@ -211,8 +206,13 @@ class StudyPoints:
             from scipy.stats.qmc import LatinHypercube  # takes a second to import
 
             self._fractions = LatinHypercube(len(axes), rng=latin.seed).random(latin.count)
-        self._levels = () if latin else tuple(map(_grid_values, axes))
-        self._count = math.prod(map(len, self._levels)) if latin is None else latin.count
+        values: list[Sequence[Any]] = []
+        for axis in axes if latin is None else ():
+            if isinstance(axis, Interval):
+                raise ProblemError(f"{axis.path}: count is required in a grid: how many values")
+            values.append(axis.values)
+        self._values = tuple(values)  # along each axis of a grid
+        self._count = math.prod(map(len, values)) if latin is None else latin.count
         if self._count > MAX_POINTS:
             raise ProblemError(f"the grid has {self._count} points; at most {MAX_POINTS} can be")
 
@@ -222,27 +222,18 @@ class StudyPoints:
     def __getitem__(self, index: int) -> StudyPoint:
         if not 0 <= index < self._count:
             raise IndexError(f"point {index} of {self._count}")
-        return StudyPoint(index, dict(self._values(index)))
+        if self._fractions is not None:
+            pairs = zip(self._axes, self._fractions[index].tolist(), strict=True)
+            return StudyPoint(index, {axis.path: axis.at(fraction) for axis, fraction in pairs})
+        remainder, values = index, []
+        for levels in self._values[::-1]:
+            remainder, k = divmod(remainder, len(levels))
+            values.append(levels[k])
+        paths = [axis.path for axis in self._axes]
+        return StudyPoint(index, dict(zip(paths, values[::-1], strict=True)))
 
     def __iter__(self) -> Iterator[StudyPoint]:
         return map(self.__getitem__, range(self._count))
-
-    def _values(self, index: int) -> list[tuple[str, Any]]:
-        paths = [axis.path for axis in self._axes]
-        if self._fractions is not None:
-            pairs = zip(self._axes, self._fractions[index].tolist(), strict=True)
-            return [(axis.path, axis.at(fraction)) for axis, fraction in pairs]
-        values = []
-        for levels in self._levels[::-1]:
-            index, k = divmod(index, len(levels))
-            values.append(levels[k])
-        return list(zip(paths, values[::-1], strict=True))
-
-
-def _grid_values(axis: Axis) -> Sequence[Any]:
-    if isinstance(axis, Interval):
-        raise ProblemError(f"{axis.path}: count is required in a grid: how many values")
-    return axis.values
 
 
 PROBLEM = "problem"  # path of the axis of several problems
@@ -282,7 +273,16 @@ class Study:
         if empty := [axis.path for axis in self.axes if len(axis.ends) == 0]:
             raise ProblemError(f"{empty[0]}: give at least one value")
         assert len(self.points) > 0
-        self._require_paths()
+        # Every value can be set in every problem, beside the first of the others.
+        first = {axis.path: axis.ends[0] for axis in self.axes if axis.path != PROBLEM}
+        for name, problem in self.problems.items():
+            for axis in self.axes:
+                for value in axis.ends if axis.path in first else ():
+                    try:
+                        problem.changed({**first, axis.path: value})
+                    except ProblemError as error:
+                        where = f"{name}: " if len(self.problems) > 1 else ""
+                        raise ProblemError(f"{where}{error}") from None
 
     @staticmethod
     def require(study: object) -> None:
@@ -304,15 +304,3 @@ class Study:
         changes = dict(point.values)
         name = changes.pop(PROBLEM, next(iter(self.problems)))
         return self.problems[name].changed(changes)
-
-    def _require_paths(self) -> None:
-        """Raise unless every value can be set in every problem, beside the first of the others."""
-        first = {axis.path: axis.ends[0] for axis in self.axes if axis.path != PROBLEM}
-        for name, problem in self.problems.items():
-            for axis in self.axes:
-                for value in axis.ends if axis.path in first else ():
-                    try:
-                        problem.changed({**first, axis.path: value})
-                    except ProblemError as error:
-                        where = f"{name}: " if len(self.problems) > 1 else ""
-                        raise ProblemError(f"{where}{error}") from None

@@ -1,6 +1,7 @@
 """The study file: its format, and `load_study`."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar
@@ -179,12 +180,17 @@ def load_study(name: str | Path, directory: str | Path = ".") -> Study:
     require_study(document, str(path))
     fields = check_study_fields(document, str(path)).study
     try:
-        problems, latin = _problems(fields, path.parent), _latin(fields.design)
+        problems, latin = _problems(fields, path.parent), None
+        with _within("design"):
+            if isinstance(fields.design, LatinFields):
+                latin = Latin(fields.design.latin, fields.design.seed)
         axes: list[Axis] = [_axis(field, values) for field, values in fields.vary.items()]
         if isinstance(fields.problem, list):
             axes.insert(0, Levels(PROBLEM, tuple(problems)))
-        options = _options(fields.options)
-    except (ProblemError, OptionError) as error:
+        with _within("options"):
+            suh_bishop = _build(SuhBishopOptions, fields.options.suh_bishop)
+            options = PlanOptions(**{**fields.options.model_dump(), "suh_bishop": suh_bishop})
+    except ProblemError as error:
         raise ProblemError(f"{path}: study.{error}") from None
     try:
         title = f"{path.resolve().parent.name}/{path.stem}"
@@ -200,46 +206,32 @@ def _problems(fields: StudiedFields, folder: Path) -> dict[str, ProblemSpec]:
         raise ProblemError("problem: give at least one")
     problems = {}
     for name in names:
-        try:
+        with _within("problem"):
             problems[name] = ProblemSpec.read(name, folder)
-        except ProblemError as error:
-            raise ProblemError(f"problem: {error}") from None
-        if is_study(problems[name].document):
-            raise ProblemError(f"problem: {name} is a study itself; name a problem or a cycle")
+            if is_study(problems[name].document):
+                raise ProblemError(f"{name} is a study itself; name a problem or a cycle")
     return problems
 
 
 def _axis(path: str, values: Any) -> Axis:
     if not isinstance(values, RangeFields):
         return Levels(path, tuple(values))
-    try:
+    with _within(f"vary.{path}"):
         between = interval(path, values.from_, values.to, is_logarithmic=values.spacing == "log")
-    except ProblemError as error:
-        raise ProblemError(f"vary.{path}: {error}") from None
-    if values.count is None:
-        return between
-    if not 2 <= values.count <= MAX_POINTS:
-        raise ProblemError(
-            f"vary.{path}: count is {values.count}; it must be >= 2 and <= {MAX_POINTS}"
-        )
+        if values.count is None:
+            return between
+        if not 2 <= values.count <= MAX_POINTS:
+            raise ProblemError(f"count is {values.count}; it must be >= 2 and <= {MAX_POINTS}")
     return between.levels(values.count)
 
 
-def _latin(design: Any) -> Latin | None:
-    if not isinstance(design, LatinFields):
-        return None
+@contextmanager
+def _within(field: str) -> Iterator[None]:
+    """Put the path of a field before the message of an error."""
     try:
-        return Latin(design.latin, design.seed)
-    except ProblemError as error:
-        raise ProblemError(f"design: {error}") from None
-
-
-def _options(fields: OptionFields) -> PlanOptions:
-    try:
-        suh_bishop = _build(SuhBishopOptions, fields.suh_bishop)
-        return PlanOptions(**{**fields.model_dump(), "suh_bishop": suh_bishop})
-    except OptionError as error:
-        raise OptionError(f"options: {error}") from None
+        yield
+    except (ProblemError, OptionError) as error:
+        raise ProblemError(f"{field}: {error}") from None
 
 
 def _build(kind: type[_Options], values: Mapping[str, Any]) -> _Options:

@@ -1,8 +1,6 @@
 """Run_study: each point planned once, with a journal; rows and table."""
 
-import csv
 import hashlib
-import io
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -16,7 +14,6 @@ from typing import Any
 from tubeplanner.checks import given_path, require_executor
 from tubeplanner.errors import OptionError, ProblemError, TubePlannerError
 from tubeplanner.outcome import Location, PlanStatus, StoppedBy, require_callback
-from tubeplanner.planning.cycle_result import CycleResult
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies.journal import Journal, require_fields
@@ -24,7 +21,7 @@ from tubeplanner.studies.plan_many import Done, plan_either, run_many
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.study import Study
 from tubeplanner.studies.worker_processes import WorkerProcesses
-from tubeplanner.text import json_value, short_repr, value_text, without_formulas
+from tubeplanner.text import csv_text, json_value, short_repr, value_text
 
 # ---- Rows, made where points are planned, so that little travels.
 
@@ -92,13 +89,9 @@ class StudyRow:
             TypeError: Its place has unknown fields.
         """
         require_fields(cls, {"point": point, "values": {}, **answer})
-        location: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in answer["where"].items()
-        }
         converted: dict[str, Any] = {
             "status": PlanStatus(answer["status"]),
-            "where": Location(**location),
+            "where": Location.of_dict(answer["where"]),
             "notes": tuple(answer["notes"]),
         }
         return cls(point, values, key=key, **{**answer, **converted})
@@ -136,24 +129,6 @@ def planned_answer(spec: ProblemSpec, options: PlanOptions) -> dict[str, Any]:
         return {**refused_answer(reason), "loading_time": loading_time}
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
-    return {**_of_result(result), "loading_time": loading_time}
-
-
-def refused_answer(reason: str) -> dict[str, Any]:
-    """Return the answer of a point with an invalid problem, as JSON values."""
-    return _without_plan(PlanStatus.BAD_INPUT, reason)
-
-
-def crashed_answer(error: Exception) -> dict[str, Any]:
-    """Return the answer of a point whose process died or whose plan raised."""
-    return _without_plan(PlanStatus.CRASHED, f"{type(error).__name__}: {error}")
-
-
-def _without_plan(status: PlanStatus, message: str) -> dict[str, Any]:
-    return {"status": str(status), "message": message, "where": Location().as_dict(), "notes": []}
-
-
-def _of_result(result: PlanResult | CycleResult) -> dict[str, Any]:
     motion = result if isinstance(result, PlanResult) else result.motion
     trajectory = None if motion is None else motion.trajectory
     digest = None
@@ -175,7 +150,22 @@ def _of_result(result: PlanResult | CycleResult) -> dict[str, Any]:
         "runs_failed": None if verdict is None else verdict.failed,
         "notes": list(result.notes),
         "trajectory_hash": digest,
+        "loading_time": loading_time,
     }
+
+
+def refused_answer(reason: str) -> dict[str, Any]:
+    """Return the answer of a point with an invalid problem, as JSON values."""
+    return _without_plan(PlanStatus.BAD_INPUT, reason)
+
+
+def crashed_answer(error: Exception) -> dict[str, Any]:
+    """Return the answer of a point whose process died or whose plan raised."""
+    return _without_plan(PlanStatus.CRASHED, f"{type(error).__name__}: {error}")
+
+
+def _without_plan(status: PlanStatus, message: str) -> dict[str, Any]:
+    return {"status": str(status), "message": message, "where": Location().as_dict(), "notes": []}
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,17 +213,14 @@ class StudyResult:
 
         Lists and maps are written as JSON, places as text, notes with semicolons between them.
         """
-        stream = io.StringIO()
         paths = [axis.path for axis in self.study.axes]
-        plain = StudyRow.__dataclass_fields__.keys() - {"point", "values"}
-        columns = [name for name in StudyRow.__dataclass_fields__ if name in plain]
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["point", *paths, *columns])
+        columns = [each.name for each in fields(StudyRow) if each.name not in ("point", "values")]
+        rows = []
         for row in self.rows:
             texts = {**row.as_dict(), "where": str(row.where), "notes": "; ".join(row.notes)}
             values = [value_text(row.values[path]) for path in paths]
-            writer.writerow([row.point, *values, *(texts[name] for name in columns)])
-        return without_formulas(stream.getvalue())
+            rows.append([row.point, *values, *(texts[name] for name in columns)])
+        return csv_text(["point", *paths, *columns], rows)
 
 
 # ---- Running: every point planned once, in worker processes, and kept in a journal.
@@ -321,7 +308,11 @@ class StudyProgress:
         if self.rate is None or self.time_left is None:
             return text
         rate = f"{self.rate:.3g} per second" if self.rate >= 1 else f"{1 / self.rate:.3g} s each"
-        return f"{text}, {rate}, {_in_words(self.time_left)} left"
+        hours, minutes = divmod(round(self.time_left / 60), 60)
+        duration = f"{hours} h {minutes} min" if hours else f"{minutes} min"
+        if self.time_left < 100:
+            duration = f"{self.time_left:.0f} s"
+        return f"{text}, {rate}, {duration} left"
 
 
 class _Run:
@@ -419,11 +410,3 @@ def _answer(call: tuple[str, ProblemSpec], options: PlanOptions) -> Answer:
             "began, or where it was started; run it again, the answers so far are kept"
         )
     return planned_answer(spec, options)
-
-
-def _in_words(seconds: float) -> str:
-    """Return a time in words: 40 s, 12 min, 3 h 20 min."""
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    hours, minutes = divmod(round(seconds / 60), 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min"

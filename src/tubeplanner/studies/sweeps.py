@@ -4,8 +4,6 @@ Every radius is planned from scratch, exactly as by `plan`: a start from the nei
 could end in another local optimum, and a row must not depend on its neighbours.
 """
 
-import csv
-import io
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -29,7 +27,7 @@ from tubeplanner.studies.study import Levels, Study
 from tubeplanner.task.field_changes import is_of_objective, require_changes, require_path
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import require_problem
-from tubeplanner.text import json_value, short_repr, value_text, without_formulas
+from tubeplanner.text import csv_text, json_value, short_repr, value_text
 
 # ---- Duration against tolerance: one problem planned at several radii.
 
@@ -37,8 +35,24 @@ _SIDES = ("width", "height")  # of boxes, in the order of `Tube.cross_section`
 _SAME = 1e-3  # durations nearer to each other (relative) do not differ
 
 
+class _Row:
+    """A row with the result of planning; None where the problem is invalid."""
+
+    result: PlanResult | None
+
+    @property
+    def status(self) -> PlanStatus:
+        """Status of the plan; bad_input where the problem is invalid."""
+        return PlanStatus.BAD_INPUT if self.result is None else self.result.status
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the certified trajectory [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+
 @dataclass(frozen=True, eq=False)
-class SweepRow:
+class SweepRow(_Row):
     """One tolerance, and the result of planning with it.
 
     Attributes:
@@ -59,16 +73,6 @@ class SweepRow:
     note: str | None = None
 
     __repr__ = short_repr
-
-    @property
-    def status(self) -> PlanStatus:
-        """Status of the plan; bad_input where the problem is invalid."""
-        return PlanStatus.BAD_INPUT if self.result is None else self.result.status
-
-    @property
-    def duration(self) -> float | None:
-        """Duration of the certified trajectory [s]; None if there is none."""
-        return None if self.result is None else self.result.duration
 
     @property
     def slope(self) -> float | None:
@@ -125,16 +129,13 @@ class SweepResult:
 
     def csv(self) -> str:
         """Return the rows as CSV; `radii` has a number per segment [m], spaces between."""
-        stream = io.StringIO()
-        first, *others = SweepRow(1.0, None, None, "").as_dict()
-        writer = csv.DictWriter(stream, [self.quantity, *others], lineterminator="\n")
-        writer.writeheader()
+        _, *others = SweepRow(1.0, None, None, "").as_dict()
+        rows = []
         for row in self.rows:
             fields = row.as_dict()
             radii = " ".join(repr(value) for value in fields["radii"] or ())
-            value = fields.pop(first)
-            writer.writerow({self.quantity: value, **fields, "radii": radii})
-        return without_formulas(stream.getvalue())
+            rows.append({**fields, "radii": radii}.values())
+        return csv_text([self.quantity, *others], rows)
 
 
 def sweep(
@@ -184,7 +185,21 @@ def sweep(
     work = partial(_tolerance_row, problem, quantity, given_options(options, PlanOptions).shortest)
     label = f"tolerance {{}} of {len(values)}".format
     rows, stopped_by = swept_rows(work, values, label, executor, progress)
-    return SweepResult(problem, quantity, _noted(quantity, rows), stopped_by)
+    for number, row in enumerate(rows):
+        faster = [
+            narrow
+            for narrow in rows[:number]
+            if narrow.duration is not None
+            and row.duration is not None
+            and narrow.duration < (1 - _SAME) * row.duration
+        ]
+        if faster:
+            note = (
+                f"slower than that at {quantity} {faster[-1].value:g}, which keeps to this tube "
+                "too: another local optimum"
+            )
+            rows[number] = replace(row, note=note)
+    return SweepResult(problem, quantity, tuple(rows), stopped_by)
 
 
 def _tolerance_row(
@@ -209,27 +224,6 @@ def _tolerance_row(
     return SweepRow(value, spec, result, result.message, elasticity)
 
 
-def _noted(quantity: str, rows: Sequence[SweepRow]) -> tuple[SweepRow, ...]:
-    """Return rows, the narrowest first, with notes where a narrower tube is faster."""
-    result = []
-    for number, row in enumerate(rows):
-        faster = [
-            narrow
-            for narrow in rows[:number]
-            if narrow.duration is not None
-            and row.duration is not None
-            and narrow.duration < (1 - _SAME) * row.duration
-        ]
-        note = None
-        if faster:
-            note = (
-                f"slower than that at {quantity} {faster[-1].value:g}, which keeps to this tube "
-                "too: another local optimum"
-            )
-        result.append(replace(row, note=note))
-    return tuple(result)
-
-
 def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
     """Return the elasticity by radius or side, tool radius included; zero for limits of joints."""
     if sensitivity.limit not in ("radius", *_SIDES) or sensitivity.segment is None:
@@ -245,7 +239,7 @@ def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class FieldRow:
+class FieldRow(_Row):
     """One value of the field, and the result of planning with it.
 
     Attributes:
@@ -261,16 +255,6 @@ class FieldRow:
     loading_time: float
 
     __repr__ = short_repr
-
-    @property
-    def status(self) -> PlanStatus:
-        """Status of the plan; bad_input where the problem is invalid."""
-        return PlanStatus.BAD_INPUT if self.result is None else self.result.status
-
-    @property
-    def duration(self) -> float | None:
-        """Duration of the certified trajectory [s]; None if there is none."""
-        return None if self.result is None else self.result.duration
 
     @property
     def shortest_duration(self) -> float | None:
@@ -356,16 +340,12 @@ class FieldSweep:
 
     def csv(self) -> str:
         """Return the rows as CSV; lists and maps as JSON, notes with semicolons between."""
-        stream = io.StringIO()
-        first, *others = FieldRow(None, None, "", 0.0).as_dict()
-        writer = csv.DictWriter(stream, [self.path, *others], lineterminator="\n")
-        writer.writeheader()
+        _, *others = FieldRow(None, None, "", 0.0).as_dict()
+        rows = []
         for row in self.rows:
-            fields = row.as_dict()
-            del fields[first]
-            notes = "; ".join(row.notes)
-            writer.writerow({self.path: value_text(row.value), **fields, "notes": notes})
-        return without_formulas(stream.getvalue())
+            texts = {"value": value_text(row.value), "notes": "; ".join(row.notes)}
+            rows.append({**row.as_dict(), **texts}.values())
+        return csv_text([self.path, *others], rows)
 
 
 def sweep_field(
@@ -411,29 +391,18 @@ def sweep_field(
     elif options.slack is not None:
         raise OptionError(f"{path} is varied and slack is given; leave out one of them")
     values = given_row("values", values, f"what {path} is to be")
-    study = _study(problem, path, values, changes, options)
-    items = ((value, study.spec(point)) for value, point in zip(values, study.points, strict=True))
-    label = f"value {{}} of {len(values)}".format
-    rows, stopped_by = swept_rows(partial(_field_row, options), items, label, executor, progress)
-    return FieldSweep(study.name, path, tuple(rows), stopped_by)
-
-
-def _study(
-    problem: str | Path,
-    path: str,
-    values: Sequence[Any],
-    changes: Mapping[str, Any],
-    options: PlanOptions,
-) -> Study:
-    """Return the values of a field as a study with a single axis."""
     if len(values) == 0:
         raise OptionError(f"{path}: give at least one value")
     if path in changes:
         raise OptionError(f"{path} is both varied and changed; leave out one of them")
     spec = ProblemSpec.read(problem)
     require_problem(spec.document, spec.name)
-    changed = spec.changed(changes)
-    return Study(spec.name, {spec.name: changed}, [Levels(path, values)], options=options)
+    levels = [Levels(path, values)]
+    study = Study(spec.name, {spec.name: spec.changed(changes)}, levels, options=options)
+    items = ((value, study.spec(point)) for value, point in zip(values, study.points, strict=True))
+    label = f"value {{}} of {len(values)}".format
+    rows, stopped_by = swept_rows(partial(_field_row, options), items, label, executor, progress)
+    return FieldSweep(study.name, path, tuple(rows), stopped_by)
 
 
 def _field_row(

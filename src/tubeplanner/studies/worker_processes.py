@@ -13,7 +13,6 @@ from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
-from types import TracebackType
 from typing import Any, TypeVar
 
 from tubeplanner.checks import WHOLE_NUMBER
@@ -115,12 +114,7 @@ class WorkerProcesses(Executor):
             for worker in self._running:
                 worker.kill()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
         if kind is not None:
             self.kill()
         self.shutdown()
@@ -324,14 +318,9 @@ def _answer(call: bytes) -> bytes:
         work, arguments, keywords = pickle.loads(call)
         return pickle.dumps((True, work(*arguments, **keywords)))
     except Exception as error:
-        return pickle.dumps((False, _travelling(error)))
-
-
-def _travelling(error: Exception) -> Exception:
-    """Return a picklable exception, with the traceback as a note."""
-    error.add_note("".join(traceback.format_tb(error.__traceback__)))
-    # Its constructor may take other arguments, or it may hold unpicklable values.
-    with suppress(Exception):
-        if type(pickle.loads(pickle.dumps(error))) is type(error):
-            return error
-    return RuntimeError(f"{type(error).__name__}: {error}")
+        error.add_note("".join(traceback.format_tb(error.__traceback__)))
+        # Its constructor may take other arguments, or it may hold unpicklable values.
+        with suppress(Exception):
+            if type(pickle.loads(pickle.dumps(error))) is type(error):
+                return pickle.dumps((False, error))
+        return pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))

@@ -91,7 +91,16 @@ class JointTrajectory:
         self._require_consistent()
         position = PiecewisePolynomial(self.coefficients, self.breakpoints)
         self._keep("_derivatives", tuple(position.derivative(order) for order in range(4)))
-        self._require_bounded()
+        for order, quantity in enumerate(_DERIVATIVES):
+            most = _MAX_POSITION * _MAX_RATE**order
+            reach = self.reach(order)
+            if (reach <= most).all():
+                continue
+            piece, joint = np.unravel_index(int(reach.argmax()), reach.shape)
+            raise TrajectoryError(
+                f"the {quantity} of '{names[joint]}' may reach {reach[piece, joint]:.3g} "
+                f"{_UNITS[order]} in piece {piece}; beyond {most:g} nothing can be computed"
+            )
 
     @staticmethod
     def require(trajectory: object) -> None:
@@ -330,19 +339,6 @@ class JointTrajectory:
             raise TrajectoryError(
                 f"the duration is {self.duration:.3g} s; it must be from {MIN_DURATION:g} to "
                 f"{MAX_DURATION:g} s (seconds are meant)"
-            )
-
-    def _require_bounded(self) -> None:
-        """Raise unless positions, velocities, accelerations and jerks are within bounds."""
-        for order, what in enumerate(_DERIVATIVES):
-            most = _MAX_POSITION * _MAX_RATE**order
-            reach = self.reach(order)
-            if (reach <= most).all():
-                continue
-            piece, joint = np.unravel_index(int(reach.argmax()), reach.shape)
-            raise TrajectoryError(
-                f"the {what} of '{self.joint_names[joint]}' may reach {reach[piece, joint]:.3g} "
-                f"{_UNITS[order]} in piece {piece}; beyond {most:g} nothing can be computed"
             )
 
 

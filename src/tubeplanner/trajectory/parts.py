@@ -58,24 +58,22 @@ def marks_of(fields: Any) -> tuple[Mark, ...]:
     """
     if not isinstance(fields, list):
         raise TrajectoryError(f"marks is {shown(fields)}; it must be a list")
-    marks = tuple(_mark(k, each) for k, each in enumerate(fields))
+    marks: list[Mark] = []
+    for k, each in enumerate(fields):
+        kinds = [kind for kind in KINDS if kind in each] if isinstance(each, dict) else []
+        if len(kinds) != 1 or not isinstance(each[kinds[0]], str):
+            raise TrajectoryError(
+                f"marks[{k}] is {shown(each)}; it must be a map with a time and one name of "
+                f"{', '.join(KINDS)}"
+            )
+        time = each.get("time")
+        if not is_number(time) or not time >= 0:
+            raise TrajectoryError(f"marks[{k}].time is {shown(time)}; it must be a time [s]")
+        marks.append(Mark(float(time), kinds[0], each[kinds[0]], each.get("set")))
     for k, (mark, after) in enumerate(pairwise(marks), start=1):
         if after.time < mark.time:
             raise TrajectoryError(f"marks[{k}].time is {after.time:g} s, before the one before")
-    return marks
-
-
-def _mark(k: int, fields: Any) -> Mark:
-    kinds = [kind for kind in KINDS if kind in fields] if isinstance(fields, dict) else []
-    if len(kinds) != 1 or not isinstance(fields[kinds[0]], str):
-        raise TrajectoryError(
-            f"marks[{k}] is {shown(fields)}; it must be a map with a time and one name of "
-            f"{', '.join(KINDS)}"
-        )
-    time = fields.get("time")
-    if not is_number(time) or not time >= 0:
-        raise TrajectoryError(f"marks[{k}].time is {shown(time)}; it must be a time [s]")
-    return Mark(float(time), kinds[0], fields[kinds[0]], fields.get("set"))
+    return tuple(marks)
 
 
 # ---- Parts of trajectories, cut and joined.
@@ -95,7 +93,14 @@ def part_of(trajectory: JointTrajectory, begin: float, end: float) -> JointTraje
     first = max(int(np.searchsorted(times, begin, side="right")) - 1, 0)
     stop = max(int(np.searchsorted(times, end, side="left")), first + 1)
     pieces = coefficients[:, first:stop].copy()
-    pieces[:, 0] = _with_later_origin(pieces[:, 0], begin - times[first])
+    if (delay := begin - times[first]) > 0:
+        # The first polynomial, of a time that begins later; the highest power is first.
+        polynomial, degree = coefficients[:, first], len(coefficients) - 1
+        pieces[:, 0] = 0.0
+        for power in range(degree + 1):
+            for lower in range(power + 1):
+                term = comb(power, lower) * delay ** (power - lower) * polynomial[degree - power]
+                pieces[degree - lower, 0] += term
     inner = times[first + 1 : stop]
     return JointTrajectory(
         trajectory.joint_names, np.concatenate([[0.0], inner - begin, [end - begin]]), pieces
@@ -120,19 +125,6 @@ def joined(joint_names: Sequence[str], parts: Sequence[JointTrajectory]) -> Join
 def resting(joint_names: Sequence[str], q: FloatArray, duration: float) -> JointTrajectory:
     """Return the trajectory that rests in a configuration (n,) for a duration [s]."""
     return JointTrajectory(joint_names, [0.0, duration], q[None, None])
-
-
-def _with_later_origin(polynomial: FloatArray, delay: float) -> FloatArray:
-    """Return a polynomial (degree+1, n), highest power first, of a time that begins later [s]."""
-    if delay == 0:
-        return polynomial
-    degree = len(polynomial) - 1
-    shifted = np.zeros_like(polynomial)
-    for power in range(degree + 1):
-        for lower in range(power + 1):
-            term = comb(power, lower) * delay ** (power - lower) * polynomial[degree - power]
-            shifted[degree - lower] += term
-    return shifted
 
 
 # ---- Sign changes of piecewise polynomials.

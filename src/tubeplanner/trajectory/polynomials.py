@@ -84,11 +84,10 @@ def bernstein_coefficients(
         Shape (degree+1, P, n); the first and the last are the values at the interval's ends.
         (Farouki, "The Bernstein polynomial basis: a centennial retrospective", 2012, section 3.2.)
     """
-    return np.einsum(
-        "bk,kpn->bpn",
-        _power_to_bernstein(len(coefficients) - 1),
-        _taylor_coefficients(coefficients, start, width),
-    )
+    binomials = _binomials(len(coefficients) - 1)
+    # From powers of u on [0, 1] to Bernstein coefficients: lower triangular, as C(i, j) is.
+    matrix = binomials / binomials[-1]
+    return np.einsum("bk,kpn->bpn", matrix, _taylor_coefficients(coefficients, start, width))
 
 
 def restricted(coefficients: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
@@ -184,16 +183,6 @@ def _binomials(degree: int) -> FloatArray:
     return read_only([[comb(i, j) for j in numbers] for i in numbers])
 
 
-@cache
-def _power_to_bernstein(degree: int) -> FloatArray:
-    """Return the matrix from powers of u on [0, 1] to Bernstein coefficients, (k+1, k+1).
-
-    Lower triangular, as C(i, j) is.
-    """
-    binomials = _binomials(degree)
-    return read_only(binomials / binomials[-1])
-
-
 # ---- B-splines by the recursions of Cox and de Boor.
 
 
@@ -267,11 +256,11 @@ def basis_functions(knots: FloatArray, degree: int, span: IntArray, x: FloatArra
         new = np.zeros((k + 1, len(x), k + 1), dtype=dtype)
         padded = np.zeros((len(functions), len(x), k + 2), dtype=dtype)
         padded[:, :, 1:-1] = functions * inverse[:, 1:-1]
-        left, right = padded[:, :, :-1], padded[:, :, 1:]
+        first, second = padded[:, :, :-1], padded[:, :, 1:]
         rising = x[:, None] - t[:, :-1]
         falling = knots[span[:, None] + offsets[1:] + k] - x[:, None]
-        new[0] = rising * left[0] + falling * right[0]
-        new[1:] = k * (left - right)
+        new[0] = rising * first[0] + falling * second[0]
+        new[1:] = k * (first - second)
         functions = new
     return functions
 

@@ -9,7 +9,7 @@ import io
 import re
 from array import array
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
@@ -133,17 +133,21 @@ def read_trajectory_file(path: str | Path, joint_names: Sequence[str] = ()) -> T
         raise TrajectoryError(f"trajectory file {path} cannot be read: {error}") from error
     try:
         file = read(text)
-        _require_positions_of_arms(file.trajectory)
+        motion = file.trajectory
+        reach = motion.reach()
+        if not (reach <= _MAX_POSITION).all():  # the certificate would take minutes
+            piece, joint = np.unravel_index(int(reach.argmax()), reach.shape)
+            raise TrajectoryError(
+                f"the position of '{motion.joint_names[joint]}' may reach "
+                f"{reach[piece, joint]:.3g} rad or m in piece {piece}; files are read up to "
+                f"{_MAX_POSITION:g}"
+            )
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from error
-    return file if file.samples is None else _without_still_joints(file, joint_names)
-
-
-def _without_still_joints(file: TrajectoryFile, joint_names: Sequence[str]) -> TrajectoryFile:
-    """Return the file without further joints that stand still, if it has all named joints."""
-    motion = file.trajectory
+    # Further joints that stand still are left out, if the file has all named joints.
     others = [name for name in motion.joint_names if name not in joint_names]
-    if not joint_names or not others or not set(joint_names) <= set(motion.joint_names):
+    has_names = bool(joint_names) and set(joint_names) <= set(motion.joint_names)
+    if file.samples is None or not others or not has_names:
         return file
     columns = [motion.joint_names.index(name) for name in others]
     position = motion.position(motion.breakpoints)[:, columns]
@@ -153,18 +157,6 @@ def _without_still_joints(file: TrajectoryFile, joint_names: Sequence[str]) -> T
     rows = [motion.joint_names.index(name) for name in names]
     motion = JointTrajectory(names, motion.breakpoints, motion.coefficients[:, :, rows])
     return replace(file, trajectory=motion, still=still)
-
-
-def _require_positions_of_arms(trajectory: JointTrajectory) -> None:
-    """Raise if a joint may travel so far that the certificate would take minutes."""
-    reach = trajectory.reach()
-    if (reach <= _MAX_POSITION).all():
-        return
-    piece, joint = np.unravel_index(int(reach.argmax()), reach.shape)
-    raise TrajectoryError(
-        f"the position of '{trajectory.joint_names[joint]}' may reach {reach[piece, joint]:.3g} "
-        f"rad or m in piece {piece}; files are read up to {_MAX_POSITION:g}"
-    )
 
 
 def _read_json(text: str) -> TrajectoryFile:
@@ -367,7 +359,22 @@ def _read_ros(text: str) -> TrajectoryFile:
     count = sum(_CONTENT.search(part) is not None for part in _NEXT_MESSAGE.split(text))
     if count > 1:
         remarks.append(f"of its {count} messages the first alone is read")
-    return replace(_joined(files), remarks=tuple(remarks))
+    first, names = files[0], files[0].trajectory.joint_names
+    for k, file in enumerate(files):
+        if sorted(file.trajectory.joint_names) != sorted(names):
+            raise TrajectoryError(
+                f"trajectory {k} moves {', '.join(file.trajectory.joint_names)}, trajectory 0 "
+                f"{', '.join(names)}; trajectories of the same joints alone can be joined"
+            )
+        if file.interpolation != first.interpolation:
+            raise TrajectoryError(
+                f"samples of trajectory {k} are joined by {file.interpolation}, of trajectory 0 by "
+                f"{first.interpolation}; give the same quantities in all"
+            )
+    motion = first.trajectory
+    if len(files) > 1:
+        motion = concatenate([file.trajectory.reordered(names) for file in files])
+    return replace(first, trajectory=motion, remarks=tuple(remarks))
 
 
 _NO_MESSAGE = (
@@ -394,27 +401,6 @@ def _messages(value: object) -> list[dict[str, Any]]:
     return [value]
 
 
-def _joined(files: Sequence[TrajectoryFile]) -> TrajectoryFile:
-    """Return trajectories one after the other."""
-    first, *others = files
-    names = first.trajectory.joint_names
-    for k, file in enumerate(others, 1):
-        if sorted(file.trajectory.joint_names) != sorted(names):
-            raise TrajectoryError(
-                f"trajectory {k} moves {', '.join(file.trajectory.joint_names)}, trajectory 0 "
-                f"{', '.join(names)}; trajectories of the same joints alone can be joined"
-            )
-        if file.interpolation != first.interpolation:
-            raise TrajectoryError(
-                f"samples of trajectory {k} are joined by {file.interpolation}, of trajectory 0 by "
-                f"{first.interpolation}; give the same quantities in all"
-            )
-    if not others:
-        return first
-    motion = concatenate([file.trajectory.reordered(names) for file in files])
-    return replace(first, trajectory=motion)
-
-
 def _read_message(message: dict[str, Any]) -> TrajectoryFile:
     points = message.get("points")
     if not isinstance(points, list) or not all(isinstance(point, dict) for point in points):
@@ -431,20 +417,19 @@ def _read_message(message: dict[str, Any]) -> TrajectoryFile:
             raise TrajectoryError(
                 f"point {has_key.index(False)} has no {key}; give them in all points or none"
             )
-        tables[quantity] = np.array([_ros_row(names, i, p, key) for i, p in enumerate(points)])
+        rows = []
+        for i, point in enumerate(points):
+            values = point[key]
+            if not isinstance(values, list) or len(values) != len(names):
+                raise TrajectoryError(
+                    f"point {i}: {key} {shown(values)} must be {len(names)} numbers, one per joint"
+                )
+            rows.append([_number(value, "point {}: {}", i, key) for value in values])
+        tables[quantity] = np.array(rows)
     time = np.array([_ros_time(i, point) for i, point in enumerate(points)])
     file = _from_samples(names, time, tables)
     has_effort = any(bool(point.get("effort")) for point in points)
     return replace(file, samples=GivenSamples(float(time[0]), tuple(tables), has_effort))
-
-
-def _ros_row(names: list[str], index: int, point: dict[str, Any], field: str) -> list[float]:
-    values = point[field]
-    if not isinstance(values, list) or len(values) != len(names):
-        raise TrajectoryError(
-            f"point {index}: {field} {shown(values)} must be {len(names)} numbers, one per joint"
-        )
-    return [_number(value, "point {}: {}", index, field) for value in values]
 
 
 def _ros_time(index: int, point: dict[str, Any]) -> float:
@@ -469,34 +454,7 @@ def _from_samples(
             f"time must increase: sample {i + 1} comes {time[i] - time[i + 1]:.6g} s before the "
             f"sample in front of it; it must come {MIN_DURATION:g} s after it or later"
         )
-    _require_same_units(time, tables)
-    if "velocity" in tables:
-        degree = "quintics" if "acceleration" in tables else "cubics"
-        interpolation = f"{degree} that meet every sample's {', '.join(tables)}"
-        trajectory = joined_samples(joints, time, tuple(tables.values()))
-        return TrajectoryFile(trajectory, interpolation)
-    from scipy.interpolate import CubicSpline
-
-    curve = CubicSpline(time, tables["position"], bc_type="clamped")
-    interpolation = "a cubic spline through the positions, at rest at both ends"
-    return TrajectoryFile(JointTrajectory(joints, curve.x, curve.c), interpolation)
-
-
-def joined_samples(
-    joint_names: Sequence[str], time: FloatArray, known: Sequence[FloatArray]
-) -> JointTrajectory:
-    """Return the trajectory with a polynomial between every two samples, as `hermite_pieces`.
-
-    Args:
-        joint_names: Names of the n joints.
-        time: Shape (N,), increasing from 0 [s].
-        known: Positions and their derivatives at the samples, each (N, n).
-    """
-    return JointTrajectory(joint_names, time, hermite_pieces(time, known))
-
-
-def _require_same_units(time: FloatArray, tables: dict[str, FloatArray]) -> None:
-    """Raise if a derivative has another unit than the slopes: degrees, milliseconds."""
+    # A derivative with another unit than the slopes: degrees, milliseconds.
     for quantity, derivative in (("position", "velocity"), ("velocity", "acceleration")):
         if derivative not in tables or len(time) < 3:
             continue
@@ -510,6 +468,29 @@ def _require_same_units(time: FloatArray, tables: dict[str, FloatArray]) -> None
                 f"the {derivative} is {ratio:.4g} times the slope of the {quantity} over time; are "
                 "all in radians (a factor of 57.3 tells degrees) and seconds (1000: milliseconds)?"
             )
+    if "velocity" in tables:
+        degree = "quintics" if "acceleration" in tables else "cubics"
+        interpolation = f"{degree} that meet every sample's {', '.join(tables)}"
+        trajectory = joined_samples(joints, time, tuple(tables.values()))
+        return TrajectoryFile(trajectory, interpolation)
+    from scipy.interpolate import CubicSpline
+
+    curve = CubicSpline(time, tables["position"], bc_type="clamped")
+    interpolation = "a cubic spline through the positions, at rest at both ends"
+    return TrajectoryFile(JointTrajectory(joints, curve.x, curve.c), interpolation)
+
+
+def joined_samples(
+    joint_names: Sequence[str], time: FloatArray, values: Sequence[FloatArray]
+) -> JointTrajectory:
+    """Return the trajectory with a polynomial between every two samples, as `hermite_pieces`.
+
+    Args:
+        joint_names: Names of the n joints.
+        time: Shape (N,), increasing from 0 [s].
+        values: Positions and their derivatives at the samples, each (N, n).
+    """
+    return JointTrajectory(joint_names, time, hermite_pieces(time, values))
 
 
 # ---- Columns of a CSV file: times, positions, velocities and accelerations of joints.
@@ -571,8 +552,14 @@ def joint_columns(header: Sequence[str], joint_names: Sequence[str] = ()) -> Joi
         pairs = [f"{name} as {key[0]}" for key, name in columns.items() if key[1] == "position"]
         remarks = (f"columns are read by number: {', '.join(pairs)}",) if pairs else ()
     joints = [joint for joint, quantity in columns if quantity == QUANTITIES[0]]
-    time = _time_column(header, {*columns.values()})
-    if time is None or not joints:
+    named = {*columns.values()}
+    times = [name for name in header if name not in named and _is_time(name)]
+    if len(times) > 1 and _TIME not in times:
+        raise TrajectoryError(
+            f"the columns {' and '.join(map(shown, times))} may all be times; leave out all but "
+            f"one, or call it {_TIME}"
+        )
+    if not times or not joints:
         plain = (
             f" (or columns named as the joints: {', '.join(joint_names)})" if joint_names else ""
         )
@@ -582,10 +569,17 @@ def joint_columns(header: Sequence[str], joint_names: Sequence[str] = ()) -> Joi
         )
     for joint in joints:
         require_name("the joint of a column", joint, TrajectoryError)
-    tables = {
-        quantity: [columns[joint, quantity] for joint in joints]
-        for quantity in _complete_quantities(joints, columns)
-    }
+    tables: dict[str, list[str]] = {}
+    for quantity in QUANTITIES:
+        missing = [joint for joint in joints if (joint, quantity) not in columns]
+        if len(missing) == len(joints):
+            break
+        if missing:
+            raise TrajectoryError(
+                f"{quantity} is missing for {', '.join(missing)}; give it for all joints or none"
+            )
+        tables[quantity] = [columns[joint, quantity] for joint in joints]
+    time = _TIME if _TIME in times else times[0]
     used = {time, *(name for names in tables.values() for name in names)}
     used |= {name for joint in joints for name in _names(joint, "effort")}
     ignored = tuple(name for name in header if name not in used)
@@ -622,7 +616,12 @@ def _columns_by_quantity(
     }
     columns: dict[tuple[str, str], str] = {}
     for column in header:
-        key = _meaning(column, meanings)
+        key, tail = meanings.get(column), column
+        while key is None and "/" in tail:  # after any path
+            tail = tail.partition("/")[2]
+            # A joint's bare name is a position only without a path.
+            if (meaning := meanings.get(tail)) is not None and tail != meaning[0]:
+                key = meaning
         if key is None:
             continue
         if key in columns:
@@ -635,19 +634,6 @@ def _columns_by_quantity(
     return columns
 
 
-def _meaning(column: str, meanings: dict[str, tuple[str, str]]) -> tuple[str, str] | None:
-    """Return joint and quantity of a column, after any path; None: the column has none."""
-    if column in meanings:
-        return meanings[column]
-    parts = column.split("/")
-    for k in range(1, len(parts)):
-        meaning = meanings.get(tail := "/".join(parts[k:]))
-        # A joint's bare name is a position only without a path.
-        if meaning is not None and tail != meaning[0]:
-            return meaning
-    return None
-
-
 def _names(joint: str, quantity: str) -> list[str]:
     """Return the possible names of the column for a quantity of a joint."""
     bare = [joint] if quantity == QUANTITIES[0] else []
@@ -657,31 +643,3 @@ def _names(joint: str, quantity: str) -> list[str]:
 
 def _is_time(name: str) -> bool:
     return name.lstrip(_TIME_MARKS).lower() in _TIMES
-
-
-def _time_column(header: Sequence[str], others: Collection[str]) -> str | None:
-    """Return the column of times; None: there is none."""
-    times = [name for name in header if name not in others and _is_time(name)]
-    if _TIME in times:
-        return _TIME
-    if len(times) < 2:
-        return times[0] if times else None
-    raise TrajectoryError(
-        f"the columns {' and '.join(map(shown, times))} may all be times; leave out all but one, "
-        f"or call it {_TIME}"
-    )
-
-
-def _complete_quantities(joints: Sequence[str], keys: Collection[tuple[str, str]]) -> list[str]:
-    """Return the quantities that all joints have; raise if only some joints have a quantity."""
-    quantities = []
-    for quantity in QUANTITIES:
-        missing = [joint for joint in joints if (joint, quantity) not in keys]
-        if len(missing) == len(joints):
-            break
-        if missing:
-            raise TrajectoryError(
-                f"{quantity} is missing for {', '.join(missing)}; give it for all joints or none"
-            )
-        quantities.append(quantity)
-    return quantities

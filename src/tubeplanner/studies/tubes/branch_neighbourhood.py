@@ -27,7 +27,6 @@ from tubeplanner.studies.tubes.segment_search import (
     WANTED_RANGE,
     Collision,
     CollisionBoxes,
-    JointBounds,
     KeptSegments,
     SegmentSearch,
     SetPreferences,
@@ -48,6 +47,9 @@ _MAX_STEP = 0.02  # [rad or m] between tested configurations of the branch
 
 class BranchNeighbourhood:
     """The surroundings of a branch, and the sets that searches find there.
+
+    Searches raise Infeasible, status tube_blocked, where not even the branch's own ranges are free
+    or searches for counterexamples do not end.
 
     Attributes:
         count: Number of segments.
@@ -77,20 +79,25 @@ class BranchNeighbourhood:
         self._rough = options.samples // _ROUGH_FRACTION + 1
         self._branch = [densified(q, _MAX_STEP) for q in branch.segments]
         self.count = len(self._branch)
-        clearance = PairClearance(problem, 0.0)
-        least = min(
-            _require_clearance(problem, clearance, k, q) for k, q in enumerate(self._branch)
-        )
+        clearance, least = PairClearance(problem, 0.0), 2 * EXTRA_CLEARANCES[0]
+        for k, q in enumerate(self._branch):
+            nearest = clearance.least(q, 2 * EXTRA_CLEARANCES[0])
+            worst = int(nearest.clearance.argmin())
+            least = min(least, float(nearest.clearance[worst]))
+            if least <= 0:
+                location = _place(problem, k, q[worst], clearance.pairs[nearest.pair[worst]])
+                message = (
+                    f"the arm collides on the centre line of segment {location.segment}: {location}"
+                    f", {-1000 * least:.1f} mm too close; move the reference points or choose "
+                    "another configuration"
+                )
+                raise Infeasible(PlanStatus.TUBE_BLOCKED, message, location)
         self._pair_clearance = PairClearance(problem, min(extra, least / 2))
         self._rngs = [np.random.default_rng([options.seed, k]) for k in range(self.count)]
         self._boxes: dict[int, CollisionBoxes] = {}
 
     def require_space(self, k: int) -> None:
-        """Check by a rough search that the branch's own ranges are free.
-
-        Raises:
-            Infeasible: Status tube_blocked.
-        """
+        """Check by a rough search that the branch's own ranges are free."""
         core = range_core(self._problem, k, self._branch[k])
         boxes = CollisionBoxes(self._problem, k, self._branch[k], core, core, self._pair_clearance)
         collision = search_core(boxes, self._pair_clearance, self._rough, self._rngs[k])
@@ -105,14 +112,19 @@ class BranchNeighbourhood:
         Args:
             k: Index of the segment.
             part: Configurations (N, n) whose needs decide; None: not known.
-
-        Raises:
-            Infeasible: Status tube_blocked: not even the branch's own ranges are free.
         """
-        for core, outer in self._cores(k):
-            boxes = CollisionBoxes(
-                self._problem, k, self._branch[k], core, outer, self._pair_clearance
-            )
+        problem, branch = self._problem, self._branch[k]
+        whole = (problem.joint_lower[k], problem.joint_upper[k])
+        # Joint bounds that a set must hold and stay in, the best choice first.
+        cores = [
+            (range_core(problem, k, branch, WANTED_RANGE), whole),
+            (range_core(problem, k, branch), whole),
+        ]
+        if is_determined(problem.robot):
+            signs = sign_bounds(problem, k, branch)
+            cores.insert(0, (signs, signs))
+        for core, outer in cores:
+            boxes = CollisionBoxes(problem, k, branch, core, outer, self._pair_clearance)
             self._boxes[k] = boxes
             preferences = SetPreferences()
             if part is not None:
@@ -122,19 +134,15 @@ class BranchNeighbourhood:
                 return result
         return self._unless_collision(k, result)
 
-    def kept_search(self, k: int, part: FloatArray, kept: KeptSegments) -> SegmentSearch:
-        """Return the kept search of the same segment, or else `first_search`.
-
-        Raises:
-            Infeasible: Status tube_blocked.
-        """
+    def kept_search(self, k: int, part: FloatArray, cache: KeptSegments) -> SegmentSearch:
+        """Return the kept search of the same segment, or else `first_search`."""
         problem, key = self._problem, self._key(k)
-        cached = kept.around(key, problem, k, self._branch[k])
+        cached = cache.around(key, problem, k, self._branch[k])
         if cached is not None:
             self._boxes[k], search = cached
             return search
         search = self.first_search(k, part)
-        kept.keep(key, self._boxes[k], search)
+        cache.keep(key, self._boxes[k], search)
         return search
 
     def parts(self, q: FloatArray) -> list[FloatArray]:
@@ -143,88 +151,71 @@ class BranchNeighbourhood:
         nearest = self._problem.tube.distance(tool).argmin(axis=1)
         return [q[nearest == k] for k in range(self.count)]
 
-    def has_trades(self, found: list[SegmentSearch]) -> bool:
-        """Return True if a radius or a range could grow at the cost of another bound."""
-        return any(each.box.has_choice for each in found)
-
     def needs_of_trajectory(
-        self, found: list[SegmentSearch], beyond_radius: float, beyond_range: float
+        self, sets: list[SegmentSearch], beyond_radius: float, beyond_range: float
     ) -> list[FloatArray | None]:
         """Return the extents by which a fast trajectory leaves the branch, by segment.
 
         None for all segments if no trajectory is found.
 
         Args:
-            found: Sets, which the trajectory may leave.
+            sets: Sets, which the trajectory may leave.
             beyond_radius: Width by which the tool may leave them [m].
             beyond_range: Width by which joints may leave them [rad or m].
         """
-        result = self._planned(found, beyond_radius, beyond_range)
+        result = self._planned(sets, beyond_radius, beyond_range)
         if result.trajectory is None:
             return [None] * self.count
         q = result.trajectory.per_piece(_SAMPLES_PER_PIECE).position
         return [self._boxes[k].needed(part) for k, part in enumerate(self.parts(q))]
 
     def search(self, k: int, preferences: SetPreferences) -> SegmentSearch:
-        """Return the result of a rough search, with the collisions known so far.
-
-        Raises:
-            Infeasible: Status tube_blocked: searches for counterexamples do not end.
-        """
+        """Return the result of a rough search, with the collisions known so far."""
         return self._unless_collision(k, self._searched(k, self._rough, preferences))
 
-    def has_trajectory(self, found: list[SegmentSearch]) -> bool:
+    def has_trajectory(self, sets: list[SegmentSearch]) -> bool:
         """Return True if fast planning finds a certified trajectory within sets."""
-        return self._planned(found).succeeded
+        return self._planned(sets).succeeded
 
     def _planned(
-        self, found: list[SegmentSearch], beyond_radius: float = 0.0, beyond_range: float = 0.0
+        self, sets: list[SegmentSearch], beyond_radius: float = 0.0, beyond_range: float = 0.0
     ) -> PlanResult:
         """Return the plan of fast planning within sets, or a little beyond."""
         tube, ranges = self._problem.tube, []
-        for k, each in enumerate(found):
+        for k, each in enumerate(sets):
             lower = np.maximum(each.allowed.lower - beyond_range, self._problem.joint_lower[k])
             upper = np.minimum(each.allowed.upper + beyond_range, self._problem.joint_upper[k])
             ranges.append(_ranges(self._problem, lower, upper))
-        radii = [each.allowed.radius + tube.tool_radius + beyond_radius for each in found]
+        radii = [each.allowed.radius + tube.tool_radius + beyond_radius for each in sets]
         other = replace(tube, radius=np.array(radii), joint_signs=tuple(ranges))
         problem = self._problem.with_tube(other)
         return plan(problem, PlanOptions(quality="fast", slack=0.0, robust=False))
 
-    def without_counterexamples(self, k: int, found: SegmentSearch) -> SegmentSearch:
-        """Return the largest set within another that a thorough counterexample search leaves.
-
-        Raises:
-            Infeasible: Status tube_blocked: searches for counterexamples do not end.
-        """
-        last = self._searched(k, self._samples, found.preferences, found.box)
+    def without_counterexamples(self, k: int, search: SegmentSearch) -> SegmentSearch:
+        """Return the largest set within another that a thorough counterexample search leaves."""
+        last = self._searched(k, self._samples, search.preferences, search.box)
         return self._unless_collision(k, last)
 
-    def described(self, k: int, found: SegmentSearch) -> SegmentMeasurement:
+    def described(self, k: int, search: SegmentSearch) -> SegmentMeasurement:
         """Return the result of a search as radius and joint ranges of a tube segment."""
-        least = found.last.least_clearance
+        problem, least = self._problem, search.last.least_clearance
+        names, pairs = problem.robot.joint_names, self._pair_clearance.pairs
+        bounds = [("radius", None), *(("lower", n) for n in names), *(("upper", n) for n in names)]
+        bindings = []
+        for (bound, joint), blocker in zip(bounds, search.box.blocker, strict=True):
+            if blocker >= 0:
+                q = search.q[blocker]
+                location = _place(problem, k, q, pairs[search.pair[blocker]], joint)
+                bindings.append(Binding(bound, location, q))
         return SegmentMeasurement(
-            radius=found.allowed.radius + self._problem.tube.tool_radius,
-            joint_ranges=_ranges(self._problem, found.allowed.lower, found.allowed.upper),
-            bindings=_bindings(self._problem, k, found, self._pair_clearance),
-            samples=found.last.samples,
-            searched=found.samples,
-            collisions=len(found.q),
+            radius=search.allowed.radius + problem.tube.tool_radius,
+            joint_ranges=_ranges(problem, search.allowed.lower, search.allowed.upper),
+            bindings=tuple(bindings),
+            samples=search.last.samples,
+            searched=search.samples,
+            collisions=len(search.q),
             least_clearance=least if np.isfinite(least) else None,
         )
-
-    def _cores(self, k: int) -> list[tuple[JointBounds, JointBounds]]:
-        """Return joint bounds that a set must hold and stay in, the best choice first."""
-        problem, branch = self._problem, self._branch[k]
-        whole = (problem.joint_lower[k], problem.joint_upper[k])
-        cores = [
-            (range_core(problem, k, branch, WANTED_RANGE), whole),
-            (range_core(problem, k, branch), whole),
-        ]
-        if is_determined(problem.robot):
-            signs = sign_bounds(problem, k, branch)
-            cores.insert(0, (signs, signs))
-        return cores
 
     def _key(self, k: int) -> bytes:
         """Return all that a segment's measurement depends on, beside its branch.
@@ -248,38 +239,16 @@ class BranchNeighbourhood:
             self._checkpoint,
         )
 
-    def _unless_collision(self, k: int, found: SegmentSearch | Collision) -> SegmentSearch:
-        if isinstance(found, SegmentSearch):
-            return found
-        location = _place(self._problem, k, found.q, self._pair_clearance.pairs[found.pair])
+    def _unless_collision(self, k: int, result: SegmentSearch | Collision) -> SegmentSearch:
+        if isinstance(result, SegmentSearch):
+            return result
+        location = _place(self._problem, k, result.q, self._pair_clearance.pairs[result.pair])
         message = (
             f"there is no free space around the branch in segment {location.segment}: within its "
-            f"own joint ranges {location}, {-1000 * found.clearance:.1f} mm too close; split the "
+            f"own joint ranges {location}, {-1000 * result.clearance:.1f} mm too close; split the "
             "segment by another reference point, or move it"
         )
         raise Infeasible(PlanStatus.TUBE_BLOCKED, message, location)
-
-
-def _require_clearance(
-    problem: PlanningProblem, clearance: PairClearance, k: int, q: FloatArray
-) -> float:
-    """Return the least clearance along a branch's segment [m], at most twice the extra clearance.
-
-    Raises:
-        Infeasible: Status tube_blocked: the clearance is not positive.
-    """
-    nearest = clearance.least(q, 2 * EXTRA_CLEARANCES[0])
-    worst = int(nearest.clearance.argmin())
-    least = min(float(nearest.clearance[worst]), 2 * EXTRA_CLEARANCES[0])
-    if least <= 0:
-        location = _place(problem, k, q[worst], clearance.pairs[nearest.pair[worst]])
-        message = (
-            f"the arm collides on the centre line of segment {location.segment}: {location}, "
-            f"{-1000 * least:.1f} mm too close; move the reference points or choose another "
-            "configuration"
-        )
-        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, location)
-    return least
 
 
 def _ranges(
@@ -300,22 +269,6 @@ def _ranges(
         elif not (from_lowest and to_highest):
             ranges[name] = (lower, upper)
     return ranges
-
-
-def _bindings(
-    problem: PlanningProblem, k: int, found: SegmentSearch, clearance: PairClearance
-) -> tuple[Binding, ...]:
-    names = problem.robot.joint_names
-    bounds = [("radius", None), *(("lower", n) for n in names), *(("upper", n) for n in names)]
-    return tuple(
-        Binding(
-            bound,
-            _place(problem, k, found.q[blocker], clearance.pairs[found.pair[blocker]], joint),
-            found.q[blocker],
-        )
-        for (bound, joint), blocker in zip(bounds, found.box.blocker, strict=True)
-        if blocker >= 0
-    )
 
 
 def _place(

@@ -63,25 +63,19 @@ class PairClearance:
             return LeastClearance(np.full(len(q), np.inf), np.zeros(len(q), dtype=np.int64))
         rotation, position = self._robot.body_poses(q)
         bound, least = self._bounds.at(rotation, position, near)
-        self._settle_overlaps(bound, np.flatnonzero(least < 0), rotation, position)
+        # A negative bound says nothing of the depth. It is replaced by the clearance, until a
+        # clearance of the row is negative: the other entries of that row become infinite.
+        live = np.flatnonzero(least < 0)
+        while len(live):
+            nearest = bound[live].argmin(axis=1)
+            pairs = self.pairs[nearest]
+            closest = self._checker.closest_points(rotation[live], position[live], pairs)
+            clearance = closest.distance - self.required[nearest]
+            bound[live[clearance < 0]] = np.inf
+            bound[live, nearest] = clearance
+            live = live[(clearance >= 0) & (bound[live] < 0).any(axis=1)]
         pair = bound.argmin(axis=1)
         return LeastClearance(bound[np.arange(len(q)), pair], pair)
-
-    def _settle_overlaps(
-        self, bound: FloatArray, live: IntArray, rotation: FloatArray, position: FloatArray
-    ) -> None:
-        """Replace negative bounds (N, P) by clearances, until a clearance of the row is negative.
-
-        The other entries of that row become infinite. Negative bounds are in the rows `live`.
-        """
-        while len(live):
-            pair = bound[live].argmin(axis=1)
-            closest = self._checker.closest_points(rotation[live], position[live], self.pairs[pair])
-            clearance = closest.distance - self.required[pair]
-            hit = live[clearance < 0]
-            bound[hit] = np.inf
-            bound[live, pair] = clearance
-            live = live[(clearance >= 0) & (bound[live] < 0).any(axis=1)]
 
     def of_pairs(self, q: FloatArray, pair: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return the clearances of pairs, each in its configuration, and their derivatives.
@@ -149,36 +143,27 @@ class ClearanceBounds:
         for k in np.flatnonzero((bound < near).any(axis=0)):
             rows = np.flatnonzero(bound[:, k] < near)
             first, second = (shapes.shapes[index] for index in pairs[k])
-            apart = _separations(first, second, rotation[rows], position[rows], near + required[k])
-            bound[rows, k] = apart - required[k]
+            # Points of the first shape in the frame of the second one's body:
+            # relative @ x + offset.
+            axes, origins = rotation[rows], position[rows]
+            back = axes[:, second.body].transpose(0, 2, 1)
+            relative = back @ axes[:, first.body]
+            gap = origins[:, first.body] - origins[:, second.body]
+            offset = np.einsum("nij,nj->ni", back, gap)
+            grown = first.shape.radius + second.shape.radius
+            apart, _ = separating_directions(
+                first.shape.vertices,
+                second.shape.vertices,
+                relative,
+                offset,
+                second.shape.center - offset - relative @ first.shape.center,
+                max_steps=_MAX_STEPS,
+                enough=near + required[k] + grown,
+                loose=_LOOSE,
+            )
+            bound[rows, k] = apart - grown - required[k]
         bound[bound >= near] = np.inf
         return bound
-
-
-def _separations(
-    first: BodyShape, second: BodyShape, rotation: FloatArray, position: FloatArray, enough: float
-) -> FloatArray:
-    """Return lower bounds on the distances of two shapes, shape (N,) [m].
-
-    Poses are as for `ClearanceBounds.at`; beyond `enough` [m] the value does not matter.
-    """
-    # Points of the first shape in the frame of the second one's body: relative @ x + offset.
-    back = rotation[:, second.body].transpose(0, 2, 1)
-    relative = back @ rotation[:, first.body]
-    offset = np.einsum("nij,nj->ni", back, position[:, first.body] - position[:, second.body])
-    gap = second.shape.center - offset - relative @ first.shape.center
-    grown = first.shape.radius + second.shape.radius
-    apart, _ = separating_directions(
-        first.shape.vertices,
-        second.shape.vertices,
-        relative,
-        offset,
-        gap,
-        max_steps=_MAX_STEPS,
-        enough=enough + grown,
-        loose=_LOOSE,
-    )
-    return apart - grown
 
 
 def _table(shapes: list[BodyShape]) -> tuple[FloatArray, FloatArray]:

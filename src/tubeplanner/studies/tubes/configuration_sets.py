@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
+from tubeplanner.arrays import BoolArray, FloatArray, read_only
 from tubeplanner.native.library import LIBRARY, Bytes, Doubles, native_function
 from tubeplanner.orientation import inverse_right_jacobian, rotation_vector
 from tubeplanner.robot.model import RobotModel
@@ -168,7 +168,7 @@ def moved_tools(
     robot: RobotModel,
     q: FloatArray,
     bounds: tuple[FloatArray, FloatArray],
-    wanted: WantedTools,
+    targets: WantedTools,
     close: FloatArray,
 ) -> FloatArray:
     """Return configurations whose tools are at their targets, or as near as joints let the tools.
@@ -177,22 +177,30 @@ def moved_tools(
         robot: The arm.
         q: Configurations to start from, shape (N, n), within the bounds.
         bounds: Lower and upper joint bounds, shape (n,) each.
-        wanted: Target poses.
+        targets: Target poses.
         close: Tolerances of position [m] and rotation [rad], shape (2,).
 
     Returns:
         Shape (N, n).
     """
     rotation = None
-    if wanted.reference is not None and wanted.vector is not None:
-        assert wanted.components is not None
-        rotation = wanted.reference, wanted.vector, wanted.components
+    if targets.reference is not None and targets.vector is not None:
+        assert targets.components is not None
+        rotation = targets.reference, targets.vector, targets.components
     if LIBRARY.functions is not None:
         table, joints = robot.tool_joints, (q, *bounds)
-        return native_moved_tools(table, _SETTINGS, close, joints, wanted.position, rotation)
+        return native_moved_tools(table, _SETTINGS, close, joints, targets.position, rotation)
     q, live = q.copy(), np.arange(len(q))
     for _ in range(_MAX_STEPS):
-        error, jacobian = _task(robot, q[live], wanted, live)
+        orientation, tool, jacobian = robot.tool_pose_jacobian(q[live])
+        error, turning = targets.position[live] - tool, jacobian[:, 3:]
+        jacobian = jacobian[:, :3]
+        if rotation is not None:
+            reference, target, counts = rotation
+            vector = rotation_vector(reference[live].transpose(0, 2, 1) @ orientation)
+            spin = inverse_right_jacobian(vector) @ orientation.transpose(0, 2, 1) @ turning
+            error = np.hstack([error, (target[live] - vector)[:, counts]])
+            jacobian = np.concatenate([jacobian, spin[:, counts]], axis=1)
         off = np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
         unsettled = (off[0] > close[0]) | (off[1] > close[1])
         live, error, jacobian = live[unsettled], error[unsettled], jacobian[unsettled]
@@ -203,21 +211,6 @@ def moved_tools(
         q[live] = stepped
         live = live[~still]
     return q
-
-
-def _task(
-    robot: RobotModel, q: FloatArray, wanted: WantedTools, live: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return position and rotation errors of tools, (N, c), and the Jacobian, (N, c, n)."""
-    rotation, tool, jacobian = robot.tool_pose_jacobian(q)
-    error, linear = wanted.position[live] - tool, jacobian[:, :3]
-    if wanted.reference is None or wanted.vector is None:
-        return error, linear
-    vector = rotation_vector(wanted.reference[live].transpose(0, 2, 1) @ rotation)
-    spin = inverse_right_jacobian(vector) @ rotation.transpose(0, 2, 1) @ jacobian[:, 3:]
-    counts = wanted.components
-    error = np.hstack([error, (wanted.vector[live] - vector)[:, counts]])
-    return error, np.concatenate([linear, spin[:, counts]], axis=1)
 
 
 def _stepped(

@@ -91,24 +91,16 @@ def search_counterexamples(
             hits.append((q[lowest < 0], pair[lowest < 0]))
             least = min(least, lowest.min(initial=np.inf))
         count = min(2 * count, _MAX_SAMPLES)
-    hits.append(_beside(allowed, clearance, np.concatenate([q for q, _ in hits]), rng))
-    q_hit, pair_hit = (np.concatenate(parts) for parts in zip(*hits, strict=True))
-    return CounterexampleSearch(q_hit, pair_hit, float(least), tested, drawn)
-
-
-def _beside(
-    allowed: ConfigurationSet, clearance: PairClearance, q: FloatArray, rng: np.random.Generator
-) -> tuple[FloatArray, IntArray]:
-    """Return collisions beside the first of some collisions (C, n), and their pairs.
-
-    Chance alone finds the rest of a colliding region only in many more searches.
-    """
-    beside = np.repeat(q[:_LOOKED_BESIDE], _NEIGHBOURS, axis=0)
+    # Chance alone finds the rest of a colliding region only in many more searches.
+    beside = np.concatenate([q for q, _ in hits])[:_LOOKED_BESIDE]
+    beside = np.repeat(beside, _NEIGHBOURS, axis=0)
     away = rng.uniform(0.0, _MAX_STEP, (len(beside), 1)) * rng.normal(size=beside.shape)
     beside = allowed.back_inside(beside + away)
     beside = beside[allowed.contains(beside)]
     nearest = clearance.least(beside, 0.0)
-    return beside[nearest.clearance < 0], nearest.pair[nearest.clearance < 0]
+    hits.append((beside[nearest.clearance < 0], nearest.pair[nearest.clearance < 0]))
+    q_hit, pair_hit = (np.concatenate(parts) for parts in zip(*hits, strict=True))
+    return CounterexampleSearch(q_hit, pair_hit, float(least), tested, drawn)
 
 
 def _descended(

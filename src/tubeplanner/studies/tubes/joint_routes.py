@@ -1,7 +1,6 @@
 """Free configurations; collision-free joint routes by OMPL."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -150,47 +149,42 @@ class RouteSearch:
             budget: Largest number of configurations to test before there is a route.
             is_over: True if the time for the search is over.
         """
-        with _silent_ompl():
-            return self._route(seed, budget, is_over)
-
-    def _route(self, seed: int, budget: int, is_over: Callable[[], bool]) -> FloatArray | None:
         from ompl import base, geometric, util
 
-        util.RNG.setSeed(seed)
-        self.checks = 0
-        setup = self._setup()
-        setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
-        setup.solve(base.PlannerTerminationCondition(lambda: self.checks >= budget or is_over()))
-        if not setup.haveSolutionPath():
-            return None
-        path = setup.getSolutionPath()
-        if not setup.haveExactSolutionPath():
-            self.reached = self._corners(path)[-1]
-            return None
-        simplifier = setup.getPathSimplifier()
-        for _ in range(_SHORTENINGS):
-            simplifier.reduceVertices(path)
-            simplifier.partialShortcutPath(path)
-            simplifier.collapseCloseVertices(path)
-        return self._corners(path)
+        def is_valid(state: Any) -> bool:
+            self.checks += 1
+            return self._space.is_free(self._values(state))
 
-    def _setup(self) -> Any:
-        from ompl import base, geometric
-
-        setup = geometric.SimpleSetup(self._states)
-        setup.setStateValidityChecker(self._is_valid)
-        information = setup.getSpaceInformation()
-        information.setStateValidityCheckingResolution(_STEP / information.getMaximumExtent())
-        setup.setStartState(self._state(self._start))
-        goals = base.GoalStates(information)
-        for goal in self._goals:
-            goals.addState(self._state(goal))
-        setup.setGoal(goals)
-        return setup
-
-    def _is_valid(self, state: Any) -> bool:
-        self.checks += 1
-        return self._space.is_free(self._values(state))
+        util.noOutputHandler()  # OMPL logs to standard output
+        try:
+            util.RNG.setSeed(seed)
+            self.checks = 0
+            setup = geometric.SimpleSetup(self._states)
+            setup.setStateValidityChecker(is_valid)
+            information = setup.getSpaceInformation()
+            information.setStateValidityCheckingResolution(_STEP / information.getMaximumExtent())
+            setup.setStartState(self._state(self._start))
+            goals = base.GoalStates(information)
+            for goal in self._goals:
+                goals.addState(self._state(goal))
+            setup.setGoal(goals)
+            setup.setPlanner(geometric.RRTConnect(information))
+            is_done = base.PlannerTerminationCondition(lambda: self.checks >= budget or is_over())
+            setup.solve(is_done)
+            if not setup.haveSolutionPath():
+                return None
+            path = setup.getSolutionPath()
+            if not setup.haveExactSolutionPath():
+                self.reached = self._corners(path)[-1]
+                return None
+            simplifier = setup.getPathSimplifier()
+            for _ in range(_SHORTENINGS):
+                simplifier.reduceVertices(path)
+                simplifier.partialShortcutPath(path)
+                simplifier.collapseCloseVertices(path)
+            return self._corners(path)
+        finally:
+            util.restorePreviousOutputHandler()
 
     def _state(self, q: FloatArray) -> Any:
         state = self._states.allocState()
@@ -203,15 +197,3 @@ class RouteSearch:
 
     def _corners(self, path: Any) -> FloatArray:
         return np.array([self._values(state) for state in path.getStates()])
-
-
-@contextmanager
-def _silent_ompl() -> Iterator[None]:
-    """Keep OMPL from logging to standard output inside the context."""
-    from ompl import util
-
-    util.noOutputHandler()
-    try:
-        yield
-    finally:
-        util.restorePreviousOutputHandler()

@@ -90,7 +90,7 @@ def measured_tube(
     options: MeasureOptions,
     clock: PlanningClock,
     guide: FloatArray | None = None,
-    kept: KeptSegments | None = None,
+    cache: KeptSegments | None = None,
 ) -> TubeMeasurement:
     """Measure as `measure_tube` does, under a clock.
 
@@ -100,7 +100,7 @@ def measured_tube(
         clock: Announces progress and may end the work.
         guide: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
             trajectories are planned.
-        kept: Results of segments measured before; new results are added.
+        cache: Results of segments measured before; new results are added.
 
     Raises:
         OptionError: As for `measure_tube`.
@@ -122,7 +122,7 @@ def measured_tube(
     widest = whole.with_tube(whole.tube.with_radius(options.max_radius))
     try:
         widest, _ = configured_ends(widest)
-        results = _segments_of_some_branch(widest, options, clock, guide, kept or KeptSegments())
+        results = _segments_of_some_branch(widest, options, clock, guide, cache or KeptSegments())
     except Infeasible as reason:
         return TubeMeasurement(
             reason.status, str(reason), reason.location, measuring_time=clock.elapsed
@@ -147,7 +147,7 @@ def _segments_of_some_branch(
     options: MeasureOptions,
     clock: PlanningClock,
     guide: FloatArray | None,
-    kept: KeptSegments,
+    cache: KeptSegments,
 ) -> tuple[SegmentMeasurement, ...]:
     """Return the measured segments around the first branch with free space around it.
 
@@ -164,7 +164,7 @@ def _segments_of_some_branch(
         for extra in EXTRA_CLEARANCES:
             try:
                 around = BranchNeighbourhood(problem, branch, options, extra, clock.check)
-                return _segments(around, clock, guide, kept)
+                return _segments(around, clock, guide, cache)
             except Infeasible as reason:
                 first = first or reason
     assert first is not None
@@ -172,12 +172,14 @@ def _segments_of_some_branch(
 
 
 def _segments(
-    around: BranchNeighbourhood, clock: PlanningClock, guide: FloatArray | None, kept: KeptSegments
+    around: BranchNeighbourhood, clock: PlanningClock, guide: FloatArray | None, cache: KeptSegments
 ) -> tuple[SegmentMeasurement, ...]:
     """Return the measured segments around a branch.
 
-    Quick refusals come before long searches. The sets that suit a fast trajectory best get a
-    thorough counterexample search.
+    Quick refusals come before long searches. A first, rough measurement ignores trajectories. A
+    fast trajectory that may leave its sets a little then shows the radii and joint ranges that it
+    needs, and sets with another compromise between these are measured; once more where nothing can
+    be planned in the new sets. The sets that suit it best get a thorough counterexample search.
 
     Raises:
         Infeasible: Status tube_blocked.
@@ -185,12 +187,21 @@ def _segments(
     for k in range(around.count):
         around.require_space(k)
     best: list[SegmentSearch] = []
-    if guide is None:
-        best = _traded(around, clock)
-    else:  # sets for the needs of the trajectory, as far as there is space
-        for k, part in enumerate(around.parts(guide)):
-            clock.announce(Progress(f"measuring segment {k + 1} of {around.count}"))
-            best.append(around.kept_search(k, part, kept))
+    segments, parts = range(around.count), None if guide is None else around.parts(guide)
+    for k in segments:
+        clock.announce(Progress(f"measuring segment {k + 1} of {around.count}"))
+        if parts is None:
+            best.append(around.first_search(k))
+        else:  # sets for the needs of the trajectory, as far as there is space
+            best.append(around.kept_search(k, parts[k], cache))
+    trades = _TRADES if guide is None and any(each.box.has_choice for each in best) else ()
+    for beyond_radius, beyond_range, worth in trades:
+        needs = around.needs_of_trajectory(best, beyond_radius, beyond_range)
+        clock.announce(Progress(f"trading radii, worth {worth:g}, for joint ranges"))
+        trade = [around.search(k, SetPreferences(needs[k], worth)) for k in segments]
+        if around.has_trajectory(trade):
+            best = trade
+            break
     final = []
     for k, search in enumerate(best):
         clock.announce(
@@ -198,29 +209,6 @@ def _segments(
         )
         final.append(around.described(k, around.without_counterexamples(k, search)))
     return tuple(final)
-
-
-def _traded(around: BranchNeighbourhood, clock: PlanningClock) -> list[SegmentSearch]:
-    """Return sets that suit a fast trajectory.
-
-    A first, rough measurement ignores trajectories. A fast trajectory that may leave its sets a
-    little then shows the radii and joint ranges that it needs, and sets with another compromise
-    between these are measured; once more where nothing can be planned in the new sets.
-
-    Raises:
-        Infeasible: Status tube_blocked.
-    """
-    segments, rough = range(around.count), []
-    for k in segments:
-        clock.announce(Progress(f"measuring segment {k + 1} of {around.count}"))
-        rough.append(around.first_search(k))
-    for beyond_radius, beyond_range, worth in _TRADES if around.has_trades(rough) else ():
-        needs = around.needs_of_trajectory(rough, beyond_radius, beyond_range)
-        clock.announce(Progress(f"trading radii, worth {worth:g}, for joint ranges"))
-        trade = [around.search(k, SetPreferences(needs[k], worth)) for k in segments]
-        if around.has_trajectory(trade):
-            return trade
-    return rough
 
 
 # ---- Reachable and free sign patterns of an arm along each segment of a tube.

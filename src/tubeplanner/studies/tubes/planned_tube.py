@@ -77,12 +77,12 @@ def measured_plan(
         Infeasible: The tube is too narrow, or there is no certified trajectory in it.
         TimeLimitReached: The clock's limit has passed.
     """
-    kept = KeptSegments()
+    cache = KeptSegments()
     for parted in range(_MAX_PARTINGS + 1):
         whole = in_tube(problem, corners, band, options.max_radius)
         try:
             with clock.within(f"tube {parted + 1} of at most {_MAX_PARTINGS + 1}"):
-                measured = measured_tube(whole, options, clock, guide, kept)
+                measured = measured_tube(whole, options, clock, guide, cache)
                 if measured.problem is None:
                     raise Infeasible(measured.status, measured.message, measured.location)
                 clock.enter("planning through the measured tube")
@@ -124,15 +124,15 @@ def in_tube(
     """
     segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]
     tube = reference_tube(problem.robot, corners.points, segments, band, radius)
-    given, kept = problem.tube, dict[str, Any](tool_radius=problem.tube.tool_radius)
-    if given.tool_speed is not None and len(set(given.tool_speed.tolist())) == 1:
-        kept["tool_speed"] = given.tool_speed[0]
-    if given.rotation_tolerance is not None and len(set(given.rotation_tolerance)) == 1:
+    own, values = problem.tube, dict[str, Any](tool_radius=problem.tube.tool_radius)
+    if own.tool_speed is not None and len(set(own.tool_speed.tolist())) == 1:
+        values["tool_speed"] = own.tool_speed[0]
+    if own.rotation_tolerance is not None and len(set(own.rotation_tolerance)) == 1:
         at_corners = np.vstack([*(line[:1] for line in corners.lines), corners.lines[-1][-1:]])
         rotations = problem.robot.tool_pose(at_corners)[0]
-        kept["orientations"] = quaternion_of_matrix(rotations).round(_DECIMALS)
-        kept["rotation_tolerance"] = [given.rotation_tolerance[0]] * len(segments)
-    return problem.with_tube(replace(tube, **kept), corners.parts[-1][-1])
+        values["orientations"] = quaternion_of_matrix(rotations).round(_DECIMALS)
+        values["rotation_tolerance"] = [own.rotation_tolerance[0]] * len(segments)
+    return problem.with_tube(replace(tube, **values), corners.parts[-1][-1])
 
 
 def plan_under(
@@ -149,15 +149,15 @@ def plan_under(
     return plan(problem, options, clock.announce)
 
 
-def followed(found: PlannedTube, clock: PlanningClock) -> PlannedTube | Infeasible:
+def followed(planned: PlannedTube, clock: PlanningClock) -> PlannedTube | Infeasible:
     """Return a tube with the motion that its problem requires: smooth, in whole periods.
 
     Or the reason why there is no motion: the required duration is too short.
     """
-    result = followed_plan(found.problem, found.result, None, clock)
+    result = followed_plan(planned.problem, planned.result, None, clock)
     if not result.succeeded:
         return Infeasible(result.status, result.message, result.location)
-    return replace(found, result=result)
+    return replace(planned, result=result)
 
 
 # ---- The result of a search for a tube: a planned problem, or the reason of the failure.
@@ -223,22 +223,22 @@ class TubeAnswer:
         }
 
 
-def answer_of(found: PlannedTube | Infeasible, **more: Any) -> TubeAnswer:
+def answer_of(outcome: PlannedTube | Infeasible, **more: Any) -> TubeAnswer:
     """Return the answer of a search.
 
     Args:
-        found: The planned tube, or the reason of the failure.
+        outcome: The planned tube, or the reason of the failure.
         more: Other fields of the answer.
     """
-    if isinstance(found, Infeasible):
-        return TubeAnswer(found.status, str(found), found.location, **more)
-    tube = found.problem.tube
-    message = f"tube of {len(tube.points)} reference points; {found.result.message}"
-    return TubeAnswer(PlanStatus.SUCCESS, message, Location(), found, **more)
+    if isinstance(outcome, Infeasible):
+        return TubeAnswer(outcome.status, str(outcome), outcome.location, **more)
+    tube = outcome.problem.tube
+    message = f"tube of {len(tube.points)} reference points; {outcome.result.message}"
+    return TubeAnswer(PlanStatus.SUCCESS, message, Location(), outcome, **more)
 
 
-def _tube_fields(found: PlannedTube | None) -> dict[str, Any]:
-    if found is None:
+def _tube_fields(planned: PlannedTube | None) -> dict[str, Any]:
+    if planned is None:
         return {"points": None, "radius": None}
-    tube = found.problem.tube
+    tube = planned.problem.tube
     return {"points": tube.points.tolist(), "radius": tube.radius.tolist()}

@@ -1,6 +1,5 @@
 """Find_route: a tube from start, goal and obstacles."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,7 +22,6 @@ from tubeplanner.outcome import (
     require_callback,
     until_stopped,
 )
-from tubeplanner.planning.result import PlanResult
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.studies.tubes.joint_routes import FreeSpace, RouteSearch, require_ompl
 from tubeplanner.studies.tubes.planned_tube import (
@@ -154,17 +152,12 @@ class _Compared:
     """A route whose trajectory through a tube of the common radius is certified."""
 
     route: RouteCandidate
-    problem: PlanningProblem
-    result: PlanResult
-
-    @property
-    def planned(self) -> PlannedTube:
-        return PlannedTube(self.problem, self.result)
+    planned: PlannedTube
 
     @property
     def guide(self) -> FloatArray:
-        assert self.result.trajectory is not None
-        return self.result.trajectory.per_piece(_SAMPLES_PER_PIECE).position
+        assert self.planned.result.trajectory is not None
+        return self.planned.result.trajectory.per_piece(_SAMPLES_PER_PIECE).position
 
 
 class _RouteFinder:
@@ -183,8 +176,14 @@ class _RouteFinder:
         progress: ProgressCallback | None,
         notes: tuple[str, ...],
     ) -> None:
+        def announce(stage: Progress) -> None:
+            assert progress is not None
+            best = None if self.best is None else self.best.duration
+            whole = f"step {self._step} of {_STEPS}, {stage.stage}"
+            progress(replace(stage, stage=whole, best_duration=best))
+
         self._problem, self._options = problem, options
-        self.clock = PlanningClock(options.time_limit, self._shown(progress))
+        self.clock = PlanningClock(options.time_limit, None if progress is None else announce)
         self.best: PlannedTube | None = None
         self.measured: PlannedTube | None = None
         self._step = 1
@@ -217,14 +216,24 @@ class _RouteFinder:
         fastest = self._fastest_first(routes)
         if not fastest:
             self._step = 4
-            self.best = self.measured = self._measured_first(routes)
+            self.best = self.measured = self._measured([(route, None) for route in routes])
             return
         self._step = 3
         self.clock.enter("planning along the fastest route")
-        first = fastest[0].problem
+        first = fastest[0].planned.problem
         self._offer(PlannedTube(first, plan_under(self.clock, first)))
         self._step = 4
-        self._measure(fastest[:_MAX_MEASURED])
+        try:
+            self.measured = self._measured(
+                [(each.route, each.guide) for each in fastest[:_MAX_MEASURED]]
+            )
+        except Infeasible as reason:
+            self._notes.append(
+                f"no tube could be measured in which nothing collides: {reason}; the trajectory "
+                "itself is certified"
+            )
+        else:
+            self._offer(self.measured)
 
     def note_stop(self, stopped_by: StoppedBy) -> None:
         """Note that the search was ended early."""
@@ -245,68 +254,39 @@ class _RouteFinder:
                 result = plan_under(self.clock, problem, "fast")
             self._durations.append(result.duration)
             if result.succeeded:
-                compared.append(_Compared(route, problem, result))
-                self._offer(compared[-1].planned)
+                planned = PlannedTube(problem, result)
+                compared.append(_Compared(route, planned))
+                self._offer(planned)
         return sorted(compared, key=lambda each: each.planned.duration)
 
-    def _measure(self, compared: list[_Compared]) -> None:
-        """Measure a tube around the first of some routes that has the space."""
-        reason = None
-        for k, each in enumerate(compared):
-            try:
-                with self.clock.within(f"route {k + 1} of at most {len(compared)}"):
-                    self.measured = self._measured(each.route, each.guide)
-            except Infeasible as why:
-                reason = reason or why
-                continue
-            self._offer(self.measured)
-            return
-        self._notes.append(
-            f"no tube could be measured in which nothing collides: {reason}; the trajectory itself "
-            "is certified"
-        )
+    def _measured(self, routes: list[tuple[RouteCandidate, FloatArray | None]]) -> PlannedTube:
+        """Return the measured tube of the first route that has the space and a trajectory.
 
-    def _measured_first(self, routes: list[RouteCandidate]) -> PlannedTube:
-        """Return the first measured tube that has a trajectory.
+        Args:
+            routes: Routes, each with its fast trajectory (N, n), whose needs decide, or None.
 
         Raises:
-            Infeasible: There is none.
+            Infeasible: There is none; the reason is that of the first route.
         """
+        band = self._options.band
+        how = measure_options(self._options.max_radius, self._options.samples, self._options.seed)
         reason = None
-        for k, route in enumerate(routes):
+        for k, (route, guide) in enumerate(routes):
+            parts = (self._problem, route.space, route.corners)
             try:
                 with self.clock.within(f"route {k + 1} of at most {len(routes)}"):
-                    return self._measured(route, None)
+                    return measured_plan(*parts, band, how, self.clock, guide)
             except Infeasible as why:
                 reason = reason or why
         assert reason is not None
         raise reason
 
-    def _measured(self, route: RouteCandidate, guide: FloatArray | None) -> PlannedTube:
-        options = self._options
-        how = measure_options(options.max_radius, options.samples, options.seed)
-        return measured_plan(
-            self._problem, route.space, route.corners, options.band, how, self.clock, guide
-        )
-
-    def _offer(self, found: PlannedTube) -> None:
+    def _offer(self, planned: PlannedTube) -> None:
         """Replace the best trajectory by a certified trajectory if that is faster."""
-        if not found.result.succeeded:
+        if not planned.result.succeeded:
             return
-        if self.best is None or found.duration < self.best.duration:
-            self.best = found
-
-    def _shown(self, progress: ProgressCallback | None) -> Callable[[Progress], None] | None:
-        """Return a callback that adds step and best duration to the progress of a stage."""
-        if progress is None:
-            return None
-
-        def show(stage: Progress) -> None:
-            best = None if self.best is None else self.best.duration
-            whole = f"step {self._step} of {_STEPS}, {stage.stage}"
-            progress(replace(stage, stage=whole, best_duration=best))
-
-        return show
+        if self.best is None or planned.duration < self.best.duration:
+            self.best = planned
 
 
 # ---- Routes from start to goal: each search finds another.
@@ -357,7 +337,15 @@ def route_candidates(
                 return sorted(candidates, key=lambda candidate: candidate.joint_time)
     if not candidates:
         clock.check()
-        raise _no_route(problem, search, options)
+        tool = problem.robot.tool_position(search.reached[None])[0]
+        x, y, z = tool
+        message = (
+            f"no route was found in {options.tries * (1 + len(_MARGINS))} tries of "
+            f"{options.checks} configurations; the last one brought the tool to [{x:.3f}, {y:.3f}, "
+            f"{z:.3f}] m: move what is in the way, choose another goal configuration, or give it "
+            "more tries or checks"
+        )
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location().at(tool))
     space = FreeSpace(problem, _MIN_MARGIN, ends)
     for margin in _MARGINS:
         clock.enter(f"a trajectory without a route, {1000 * margin:g} mm from obstacles")
@@ -380,17 +368,6 @@ def _candidates(
     speed = np.where(np.isfinite(robot.limits.velocity), robot.limits.velocity, 1.0)
     steps = np.concatenate([abs(np.diff(q, axis=0)) / speed for q in corners.lines])
     return [RouteCandidate(space, corners, joint_time=float(steps.max(axis=1).sum()))]
-
-
-def _no_route(problem: PlanningProblem, search: RouteSearch, options: RouteOptions) -> Infeasible:
-    tool = problem.robot.tool_position(search.reached[None])[0]
-    x, y, z = tool
-    message = (
-        f"no route was found in {options.tries * (1 + len(_MARGINS))} tries of {options.checks} "
-        f"configurations; the last one brought the tool to [{x:.3f}, {y:.3f}, {z:.3f}] m: move "
-        "what is in the way, choose another goal configuration, or give it more tries or checks"
-    )
-    return Infeasible(PlanStatus.NO_TRAJECTORY, message, Location().at(tool))
 
 
 # ---- Configurations in which the trajectory may end: the given one, or those of a tool position.
@@ -418,24 +395,6 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
     if (q := problem.endpoints[1].joints) is not None:
         require_free(problem, "goal", q)
         return q[None]
-    free, blocked = [], None
-    for q in _reaching(problem, start, seed):
-        try:
-            require_free(problem, "goal", q)
-            free.append(q)
-        except Infeasible as reason:
-            blocked = blocked or reason
-    if not free and blocked is not None:
-        raise blocked
-    return np.array(free[:_MAX_GOALS])
-
-
-def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:
-    """Return configurations that have the tool at the goal, nearest to the start first.
-
-    Raises:
-        Infeasible: Status unreachable.
-    """
     limits, goal = problem.robot.limits, problem.endpoints[1]
     target = problem.tube.points[-1] if goal.region is None else goal.region.position
     if goal.seed is not None:
@@ -461,4 +420,13 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
             f"{least:.4g} m from {len(seeds)} starts"
         )
         raise Infeasible(PlanStatus.UNREACHABLE, message, Location().at(target))
-    return sorted(solutions, key=lambda q: float(abs(q - start).max()))
+    free, blocked = [], None
+    for q in sorted(solutions, key=lambda q: float(abs(q - start).max())):
+        try:
+            require_free(problem, "goal", q)
+            free.append(q)
+        except Infeasible as reason:
+            blocked = blocked or reason
+    if not free and blocked is not None:
+        raise blocked
+    return np.array(free[:_MAX_GOALS])

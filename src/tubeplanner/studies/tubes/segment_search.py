@@ -166,8 +166,18 @@ class CollisionBoxes:
         """Add collisions: configurations (C, n) and their pairs (C,)."""
         fraction = self._beyond_core(q) / np.maximum(self.widest, _MIN_RANGE)
         nearest = np.argsort(fraction.max(axis=1))[:_MAX_MOVED]
+        # The first collisions on joint lines from the branch to these.
+        apart = np.linalg.norm(q[nearest, None] - self._branch, axis=2)
+        begin = self._branch[apart.argmin(axis=1)]
+        away = q[nearest] - begin
+        free, hit = np.zeros((len(nearest), 1)), np.ones((len(nearest), 1))
+        for _ in range(_BISECTIONS):
+            middle = (free + hit) / 2
+            clearance, _ = self._pair_clearance.of_pairs(begin + middle * away, pair[nearest])
+            collides = (clearance < 0)[:, None]
+            free, hit = np.where(collides, free, middle), np.where(collides, middle, hit)
         q = q.copy()
-        q[nearest] = self._edge(q[nearest], pair[nearest])
+        q[nearest] = begin + hit * away
         self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
         self.beyond = np.concatenate([self.beyond, self._beyond_core(q)])
 
@@ -201,18 +211,6 @@ class CollisionBoxes:
         core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
         tool = core.tool_distance(q)[:, None]
         return np.hstack([tool - self.radius, self._lower - q, q - self._upper])
-
-    def _edge(self, q: FloatArray, pair: IntArray) -> FloatArray:
-        """Return the first collisions on joint lines from the branch to collisions (N, n)."""
-        apart = np.linalg.norm(q[:, None] - self._branch, axis=2)
-        begin = self._branch[apart.argmin(axis=1)]
-        free, hit = np.zeros((len(q), 1)), np.ones((len(q), 1))
-        for _ in range(_BISECTIONS):
-            fraction = (free + hit) / 2
-            clearance, _ = self._pair_clearance.of_pairs(begin + fraction * (q - begin), pair)
-            collides = (clearance < 0)[:, None]
-            free, hit = np.where(collides, free, fraction), np.where(collides, fraction, hit)
-        return begin + hit * (q - begin)
 
 
 def range_core(
@@ -261,7 +259,18 @@ def search_segment(
         checkpoint: Called before every counterexample search; it may raise to end the work.
     """
     preferences = preferences or SetPreferences()
-    search, budget = _box_search(boxes, preferences, rng), samples // _FIRST_FRACTION + 1
+    sides = np.ones(len(boxes.widest) - 1)
+    enough = np.concatenate([boxes.widest[:1], _ENOUGH_RANGE * sides])
+    if preferences.needed is not None:
+        enough = preferences.needed + np.concatenate([[_EXTRA_RADIUS], _EXTRA_RANGE * sides])
+    search = BoxSearch(
+        margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
+        worth=np.concatenate([[preferences.radius_worth], sides]),
+        enough=np.minimum(boxes.widest, enough),
+        already=np.concatenate([[boxes.radius], WANTED_RANGE * sides]),
+        rng=rng,
+    )
+    budget = samples // _FIRST_FRACTION + 1
     if len(boxes.q) == 0:
         collision = search_core(boxes, clearance, samples, rng)
         if collision is not None:
@@ -295,22 +304,6 @@ def search_segment(
     return _collision(result, clearance)
 
 
-def _box_search(
-    boxes: CollisionBoxes, preferences: SetPreferences, rng: np.random.Generator
-) -> BoxSearch:
-    sides = np.ones(len(boxes.widest) - 1)
-    enough = np.concatenate([boxes.widest[:1], _ENOUGH_RANGE * sides])
-    if preferences.needed is not None:
-        enough = preferences.needed + np.concatenate([[_EXTRA_RADIUS], _EXTRA_RANGE * sides])
-    return BoxSearch(
-        margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
-        worth=np.concatenate([[preferences.radius_worth], sides]),
-        enough=np.minimum(boxes.widest, enough),
-        already=np.concatenate([[boxes.radius], WANTED_RANGE * sides]),
-        rng=rng,
-    )
-
-
 def _collision(result: CounterexampleSearch, clearance: PairClearance) -> Collision:
     depth, _ = clearance.of_pairs(result.q, result.pair)
     worst = int(depth.argmin())
@@ -334,11 +327,11 @@ class KeptSegments:
     """
 
     def __init__(self) -> None:
-        self._found: dict[bytes, list[tuple[CollisionBoxes, SegmentSearch]]] = {}
+        self._searches: dict[bytes, list[tuple[CollisionBoxes, SegmentSearch]]] = {}
 
-    def keep(self, key: bytes, boxes: CollisionBoxes, found: SegmentSearch) -> None:
+    def keep(self, key: bytes, boxes: CollisionBoxes, search: SegmentSearch) -> None:
         """Keep the result of a segment."""
-        self._found.setdefault(key, []).append((boxes, found))
+        self._searches.setdefault(key, []).append((boxes, search))
 
     def around(
         self, key: bytes, problem: PlanningProblem, segment: int, branch: FloatArray
@@ -351,9 +344,9 @@ class KeptSegments:
             segment: Index of the segment there.
             branch: Configurations along it.
         """
-        for boxes, found in self._found.get(key, ()):
-            old = found.allowed
+        for boxes, search in self._searches.get(key, ()):
+            old = search.allowed
             allowed = ConfigurationSet(problem, segment, old.lower, old.upper, old.radius)
             if boxes.collision() is None and allowed.contains(branch).all():
-                return boxes.moved_to(problem, segment), replace(found, allowed=allowed)
+                return boxes.moved_to(problem, segment), replace(search, allowed=allowed)
         return None

@@ -1,6 +1,6 @@
 """A starter problem for a robot: placeholder limits, typical configuration, short tube."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -99,13 +99,29 @@ def starter_problem(
     for number, (start, points) in enumerate(islice(routes, _TRIES), 1):
         if progress is not None:
             progress(f"trying route {number} of at most {_TRIES}")
-        tube = _tube(robot, start, points)
+        shortest = float(np.linalg.norm(np.diff(points, axis=0), axis=1).min())
+        radius = max(_MIN_RADIUS, round(_RADIUS_FRACTION * shortest, 3))
+        signs: dict[str, JointSign] = {
+            robot.joint_names[joint]: "+" if start[joint] > 0 else "-"
+            for joint in folding_joints(robot)
+            if abs(start[joint]) > _SIGN_FROM
+        }
+        tube = Tube(points, radius, joint_signs=signs)
         problem = PlanningProblem(robot, tube, start, name="first", _scene=scene)
         result = plan(problem, PlanOptions(quality="fast", time_limit=_TIME_LIMIT))
         if result.succeeded:
             return StarterProblem(info, placeholders, problem, result, reach)
         refusals.append(result.message)
-    raise ProblemError(_nothing_found(info, refusals))
+    route = f"{info.name} to {info.tool_frame}"
+    if not refusals:
+        raise ProblemError(
+            f"{route}: no configuration was found in which no links overlap and gravity takes at "
+            f"most {_HELD:.0%} of the effort limits; give limits and collision.ignore by hand"
+        )
+    raise ProblemError(
+        f"{route}: of {len(refusals)} short routes from the middle of the joints' ranges none was "
+        f"planned; the last: {refusals[-1]}; choose another --tool-frame"
+    )
 
 
 def _starts(robot: RobotModel, checker: CollisionChecker) -> Iterator[FloatArray]:
@@ -116,31 +132,6 @@ def _starts(robot: RobotModel, checker: CollisionChecker) -> Iterator[FloatArray
         is_held = bool((abs(effort) <= _HELD * by_sign.min(axis=0)).all())
         if is_held and not checker.any_overlap(*robot.body_poses(q), checker.pairs):
             yield q
-
-
-def _tube(robot: RobotModel, q: FloatArray, points: FloatArray) -> Tube:
-    """Return the tube along a route, with the joint signs of its start."""
-    shortest = float(np.linalg.norm(np.diff(points, axis=0), axis=1).min())
-    radius = max(_MIN_RADIUS, round(_RADIUS_FRACTION * shortest, 3))
-    signs: dict[str, JointSign] = {
-        robot.joint_names[joint]: "+" if q[joint] > 0 else "-"
-        for joint in folding_joints(robot)
-        if abs(q[joint]) > _SIGN_FROM
-    }
-    return Tube(points, radius, joint_signs=signs)
-
-
-def _nothing_found(info: RobotInfo, refusals: Sequence[str]) -> str:
-    what = f"{info.name} to {info.tool_frame}"
-    if not refusals:
-        return (
-            f"{what}: no configuration was found in which no links overlap and gravity takes at "
-            f"most {_HELD:.0%} of the effort limits; give limits and collision.ignore by hand"
-        )
-    return (
-        f"{what}: of {len(refusals)} short routes from the middle of the joints' ranges none was "
-        f"planned; the last: {refusals[-1]}; choose another --tool-frame"
-    )
 
 
 # ---- Placeholders for limits that a URDF lacks, until the maker's replace them.
@@ -166,11 +157,15 @@ def placeholder_limits(info: RobotInfo) -> Placeholders:
     column = {name: k for k, name in enumerate(arm.joint_names)}
     ranges = np.column_stack([arm.limits.lower_position, arm.limits.upper_position]).round(3)
     weightless = not all(inertia.mass > 0 for inertia in arm.inertias[1:])
-    efforts = _efforts(info)
+    # Efforts that hold and move the arm in any typical configuration.
+    gravity = abs(arm.gravity_effort(typical_configurations(arm))).max(axis=0)
+    rough = np.maximum(_GRAVITY_TIMES * gravity, _MIN_EFFORT)
+    digits = 10.0 ** np.floor(np.log10(rough) - 1)
+    efforts = (np.ceil(rough / digits) * digits).round(6).tolist()
     limits: dict[str, dict[str, Any]] = {
         "position": {j.name: ranges[column[j.name]].tolist() for j in missing["position"]},
         "velocity": {j.name: _VELOCITY.get(j.type, _TURNING_VELOCITY) for j in missing["velocity"]},
-        "effort": {joint.name: efforts[joint.name] for joint in missing["effort"]},
+        "effort": {j.name: efforts[column[j.name]] for j in missing["effort"]},
     }
     if weightless:
         limits["effort"] = {joint.name: np.inf for joint in info.joints}
@@ -178,15 +173,6 @@ def placeholder_limits(info: RobotInfo) -> Placeholders:
             shortfall = [joint for joint in info.joints if joint.limits[quantity].is_missing]
             limits[quantity] = {joint.name: value for joint in shortfall}
     return {quantity: values for quantity, values in limits.items() if values}
-
-
-def _efforts(info: RobotInfo) -> dict[str, float]:
-    """Return efforts that hold and move an arm in any typical configuration, by joint."""
-    gravity = abs(info.arm.gravity_effort(typical_configurations(info.arm))).max(axis=0)
-    rough = np.maximum(_GRAVITY_TIMES * gravity, _MIN_EFFORT)
-    digits = 10.0 ** np.floor(np.log10(rough) - 1)
-    rounded = (np.ceil(rough / digits) * digits).round(6)
-    return dict(zip(info.arm.joint_names, rounded.tolist(), strict=True))
 
 
 # ---- Short routes of the tool that an arm can follow from a configuration: up, over and down.
@@ -296,17 +282,13 @@ def typical_configurations(arm: RobotModel) -> FloatArray:
     up = np.minimum(_FRACTION * (upper - middle), _MAX_OFFSET)
     fraction = np.random.default_rng(_SEED).uniform(-1, 1, (_SAMPLES, arm.joint_count))
     q = middle + np.where(fraction < 0, fraction * down, fraction * up)
-    return q[np.argsort(-_goodness(arm, q), kind="stable")]
-
-
-def _goodness(arm: RobotModel, q: FloatArray) -> FloatArray:
-    """Return the goodness of configurations, shape (K,)."""
     tool, jacobian = arm.tool_jacobian(q)
     _, origins = arm.body_poses(q)
     lowest = np.minimum(origins[..., 2].min(axis=1), tool[:, 2])
     ground = min(0.0, float(origins[:, 1, 2].min()))  # the first joint may hang below the base
-    fraction = np.where(lowest < ground - _NO_GAIN, _BELOW_GROUND, 1.0)
-    return fraction * _least_gain(jacobian[:, :3]) * _least_gain(jacobian)
+    factor = np.where(lowest < ground - _NO_GAIN, _BELOW_GROUND, 1.0)
+    goodness = factor * _least_gain(jacobian[:, :3]) * _least_gain(jacobian)
+    return q[np.argsort(-goodness, kind="stable")]
 
 
 def _least_gain(jacobian: FloatArray) -> FloatArray:

@@ -209,17 +209,17 @@ def joint_trail(robot: RobotModel, joint_names: Sequence[str], samples: FloatArr
     return np.minimum(np.maximum(q.round(_DECIMALS), lower), upper)
 
 
-def trail_samples(given: object, columns: int) -> FloatArray:
+def trail_samples(values: object, columns: int) -> FloatArray:
     """Return the samples of a trail as an array (N, columns).
 
     Raises:
         TrajectoryError: The samples are no such numbers, none, or not all finite.
     """
     try:
-        samples = read_only(given)
+        samples = read_only(values)
     except (TypeError, ValueError):
         raise TrajectoryError(
-            f"the trail is {shown(given)}; give samples, {columns} numbers in each row"
+            f"the trail is {shown(values)}; give samples, {columns} numbers in each row"
         ) from None
     if samples.ndim != 2 or samples.shape[1] != columns or len(samples) == 0:
         raise TrajectoryError(
@@ -296,7 +296,11 @@ def without_ways_back(
 def _detour(q: FloatArray, tool: FloatArray, deviation: float) -> tuple[int, int] | None:
     """Return the ends of a way out and straight back: two samples in the same configuration."""
     corners = simplified(tool, deviation)
-    pairs = [_retreat(tool, a, b) for a, b in pairwise(corners)]
+    pairs = []
+    for a, b in pairwise(corners):  # the distance from a line does not show a way back on it
+        progress = (tool[a : b + 1] - tool[a]) @ (tool[b] - tool[a])
+        lowest = int((np.maximum.accumulate(progress) - progress).argmax())
+        pairs.append((a + int((progress >= progress[lowest]).argmax()), a + lowest))
     for a, b, c in zip(corners, corners[1:], corners[2:], strict=False):
         out = a + int(np.linalg.norm(tool[a:b] - tool[c], axis=1).argmin())
         back = b + 1 + int(np.linalg.norm(tool[b + 1 : c + 1] - tool[a], axis=1).argmin())
@@ -307,14 +311,3 @@ def _detour(q: FloatArray, tool: FloatArray, deviation: float) -> tuple[int, int
         if is_near and is_away and abs(q[i] - q[j]).max() <= _SAME_CONFIGURATION:
             return i, j
     return None
-
-
-def _retreat(tool: FloatArray, a: int, b: int) -> tuple[int, int]:
-    """Return the first and the last sample of the farthest way back between two corners.
-
-    On the line between the corners the distance from the line does not show a way back.
-    """
-    progress = (tool[a : b + 1] - tool[a]) @ (tool[b] - tool[a])
-    lowest = int((np.maximum.accumulate(progress) - progress).argmax())
-    first = int((progress >= progress[lowest]).argmax())
-    return a + first, a + lowest

@@ -6,6 +6,7 @@ links collide in between, another point of the route is added.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -94,13 +95,20 @@ class _Corners:
         self._robot, self._space, self._route = robot, space, route
         self._deviation = deviation
         self._tool = robot.tool_position(route)
-        self._lines: dict[tuple[int, int], FloatArray | None] = {}
+        self._line = cache(self._walked)
 
     def result(self) -> ToolCorners | None:
         corners = self._between(0, len(self._route) - 1)
         if corners is None:
             return None
-        corners = self._without_superfluous([0, *corners])
+        corners.insert(0, 0)
+        k = 1
+        while k < len(corners) - 1:
+            if self._line(corners[k - 1], corners[k + 1]) is None:
+                k += 1
+            else:  # a longer free line makes the corner unnecessary
+                del corners[k]
+                k = max(k - 1, 1)
         lines = tuple(q for i, j in pairwise(corners) if (q := self._line(i, j)) is not None)
         parts = tuple(self._route[i : j + 1] for i, j in pairwise(corners))
         return ToolCorners(self._tool[corners], lines, parts)
@@ -118,22 +126,6 @@ class _Corners:
         before = self._between(i, middle)
         after = None if before is None else self._between(middle, j)
         return None if before is None or after is None else before + after
-
-    def _without_superfluous(self, corners: list[int]) -> list[int]:
-        """Remove corners that a longer free line makes unnecessary."""
-        k = 1
-        while k < len(corners) - 1:
-            if self._line(corners[k - 1], corners[k + 1]) is not None:
-                del corners[k]
-                k = max(k - 1, 1)
-            else:
-                k += 1
-        return corners
-
-    def _line(self, i: int, j: int) -> FloatArray | None:
-        if (i, j) not in self._lines:
-            self._lines[i, j] = self._walked(i, j)
-        return self._lines[i, j]
 
     def _walked(self, i: int, j: int) -> FloatArray | None:
         """Return configurations (P, n) along the tool's line between samples; None if not free."""

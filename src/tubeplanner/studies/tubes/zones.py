@@ -240,25 +240,21 @@ def _reach(rules: Controller, k: int, zone: Zone) -> float:
     """Return the distance from point k to the edge of its zone [m]."""
     where = f"{rules.title} at point {k}"
     if isinstance(zone, str):
-        return _reach_of_name(rules, where, zone)
+        for beginning, reason in rules.undefined.items():
+            if zone.startswith(beginning):
+                raise ProblemError(f"{where}: {zone} {reason}")
+        number = zone.removeprefix(rules.prefix)
+        if rules.prefix and zone != number and number.isdecimal():
+            return int(number) * 1e-3
+        if zone not in rules.named:
+            names = [*rules.named, *([f"{rules.prefix}50"] if rules.prefix else [])]
+            raise ProblemError(f"{where}: {unknown_name('zone', zone, names)}")
+        return rules.named[zone]
     if rules.unit is None:
         raise ProblemError(f"{where}: {zone} is no name; there is: {', '.join(rules.named)}")
     if isinstance(zone, bool) or not 0 <= zone < math.inf:
         raise ProblemError(f"{where}: {zone} must be a finite number >= 0")
     return float(zone) * rules.unit
-
-
-def _reach_of_name(rules: Controller, where: str, zone: str) -> float:
-    for beginning, reason in rules.undefined.items():
-        if zone.startswith(beginning):
-            raise ProblemError(f"{where}: {zone} {reason}")
-    number = zone.removeprefix(rules.prefix)
-    if rules.prefix and zone != number and number.isdecimal():
-        return int(number) * 1e-3
-    if zone not in rules.named:
-        names = [*rules.named, *([f"{rules.prefix}50"] if rules.prefix else [])]
-        raise ProblemError(f"{where}: {unknown_name('zone', zone, names)}")
-    return rules.named[zone]
 
 
 def _require_apart(rules: Controller, corners: FloatArray, reach: Sequence[float]) -> None:
