@@ -16,11 +16,11 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "payload_body": [(".placed(robot.link_placement[robot.tool_frame])", "")],
     "RobotModel.in_root_frame": [("[:3, :3]", "[:3, :3].T")],
     # Kinematics
-    "_move_root": [("pose * frame.placement", "frame.placement * pose")],
+    "build_model": [("pose * frame.placement", "frame.placement * pose")],
     "frame_jacobian": [("pin.LOCAL_WORLD_ALIGNED", "pin.LOCAL")],
     "frame_velocities": [("rotation @ by_q[..., :3, :]", "rotation @ by_q[..., 3:, :]")],
-    "BodyChain._in_parents": [("sine * across", "angle[..., None, None] * across")],
-    "ToolChain._jacobians_of_many": [(" * carried[:, None]", "")],
+    "BodyChain.poses": [("sine * across", "angle[..., None, None] * across")],
+    "ToolChain.jacobians": [(" * carried[:, None]", "")],
     "effort_rate_derivatives": [("change[1] + mean[0]", "change[1]")],
     # Shapes and distances
     "ConvexShape.transformed": [("placement[:3, :3].T", "placement[:3, :3]")],
@@ -61,10 +61,10 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "joint_bounds": [("comb(degree, k) * ", "")],
     "_taylor_coefficients": [("(width**power)", "(width**degree)")],
     "least_concave_margin": [("margin.min(axis=0) - error", "margin.min(axis=0)")],
-    "_bounded": [("nearest_branch(last, first, _ALL)", "last")],
+    "least_rotation_margin": [("nearest_branch(last, first, _ALL)", "last")],
     "_chord_distance": [("spin + reference_angle * rate", "spin"), ("/ 8 + jump", "/ 8")],
     "_Search._lower_bounds": [("distance - less[batch]", "distance")],
-    "_point_velocity": [("location = rotation[:, body] @ in_body[:3] + ", "place = ")],
+    "_point_velocity": [("location = rotation[:, body] @ in_body[:3] + ", "location = ")],
     "ToolSpeedMargin._speed": [("np.linalg.norm(velocity, axis=1)", "abs(velocity[:, 1])")],
     # Simulation
     "Plant.displaced": [("rotation @ self.tool", "self.tool"), (" + self.base", "")],

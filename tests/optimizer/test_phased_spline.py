@@ -55,7 +55,8 @@ def test_values_and_changes_agree_to_rounding(points, monkeypatch):
     at, compiled = parts()
     if points is POINTS[0]:
         number = np.arange(len(at.changes.by_switching))[:, None]
-        outside = (number < at.changes.moved[:, 0]) | (number >= at.changes.moved[:, 1])
+        first, stop = at.changes.switching_range.T
+        outside = (number < first) | (number >= stop)
         assert outside.any()
         assert not at.changes.by_switching.transpose(0, 2, 1, 3)[outside].any()
     for name in ("_weights", "_by_switching", "_values"):

@@ -112,7 +112,7 @@ def test_what_is_short_makes_it_longer_by_the_price_of_its_own_segment(problem, 
     seen(radius=np.array([-1.0, 0.005, 0.001]))
     others = price_of("effort", None, -0.4), price_of("width", 2, -9)
     tried = tried_of(problem, price_of("radius", 2, -0.06), *others)
-    assert tried.wanted.radius == pytest.approx([0.0, 0.005, 0.001])
+    assert tried.target.radius == pytest.approx([0.0, 0.005, 0.001])
     assert tried.expected == pytest.approx(2.015)
     assert (tried.duration, tried.deficit) == (2.0, 0.0)
 
@@ -121,7 +121,7 @@ def test_what_is_to_spare_makes_it_shorter_by_the_price_where_it_is(problem, see
     """Of 40 mm, of which 10 mm are kept back: 2 s * 0.06 / 30 mm = 4 s/m; of 2 mm, 8 ms."""
     seen(radius=np.array([-1.0, -0.002, -1.0]))
     tried = tried_of(problem, price_of("radius", 2, -0.06), radius=np.array([0.0, 0.01, 0.0]))
-    assert tried.wanted.radius == pytest.approx([0.0, 0.008, 0.0])
+    assert tried.target.radius == pytest.approx([0.0, 0.008, 0.0])
     assert tried.expected == pytest.approx(1.992)
 
 
@@ -141,7 +141,7 @@ def test_rotation_has_a_price_of_its_own(problem, seen):
     tube = Tube(problem.tube.points, [0.03, 0.04, 0.02], **turned)
     seen(rotation=np.array([-1.0, 0.1, 0.3]))
     tried = tried_of(problem.with_tube(tube), price_of("rotation", 2, -0.03))
-    assert tried.wanted.rotation == pytest.approx([0.0, 0.1, 0.09])
+    assert tried.target.rotation == pytest.approx([0.0, 0.1, 0.09])
     assert tried.expected == pytest.approx(2.03)
     assert tried.deficit == pytest.approx(2.1)
 
@@ -164,7 +164,7 @@ def test_what_is_kept_back_counts_as_well_as_what_is_short(problem, seen):
     position = np.array([[0.1, -0.3], [-1.0, 0.2]])
     seen(radius=np.array([0.002, -0.001, -0.5]), clearance=0.001, position=position)
     before = {"radius": np.full(3, 0.004), "clearance": 0.002, "position": np.full((2, 2), 0.2)}
-    wanted = tried_of(problem, effort=0.9, **before).wanted
+    wanted = tried_of(problem, effort=0.9, **before).target
     assert wanted.effort == 0.9
     assert wanted.radius == pytest.approx([0.006, 0.003, 0.0])
     assert wanted.clearance == pytest.approx(0.003)
@@ -176,11 +176,11 @@ def test_velocity_is_kept_back_of_the_joint_that_is_too_fast_or_too_far_behind(p
     seen(velocity=np.array([0.09, -0.2]), tracking=np.array([-0.5, 0.25]))
     prices = price_of("velocity", None, -0.3, "joint1"), price_of("velocity", None, -9, "tool")
     tried = tried_of(problem, *prices, velocity=np.array([0.9, 0.8]))
-    assert tried.wanted.velocity == pytest.approx([0.9 / 1.1, 0.64])
+    assert tried.target.velocity == pytest.approx([0.9 / 1.1, 0.64])
     assert tried.expected == pytest.approx(2.06)
     # What is to spare is given back, up to the whole limit.
     seen(velocity=np.array([-0.11, -0.3]))
-    wanted = tried_of(problem, velocity=np.array([0.72, 0.9])).wanted
+    wanted = tried_of(problem, velocity=np.array([0.72, 0.9])).target
     assert wanted.velocity == pytest.approx([0.8, 1.0])
 
 
@@ -346,7 +346,7 @@ class Formulas:
             result=result,
             verdict=RunVerdict(draw.runs, failed, {"tube": failed}, None, 0.0),
             shortfall=None,
-            wanted=self.kept(kept.effort, wanted),
+            target=self.kept(kept.effort, wanted),
             deficit=(asked - wanted) / RADIUS + self.links_meet,
             expected=result.duration + price * (wanted - float(kept.radius[0])),
         )
@@ -533,12 +533,12 @@ def test_every_part_is_kept_back_by_what_it_lacks_itself():
         now, rotation=none + 0.2, clearance=0.006, position=joints + 0.3, velocity=velocity
     )
     allowed = SimpleNamespace(allowed=lambda asked: asked)
-    found = tightening._next(allowed, SimpleNamespace(tightening=now, wanted=wanted))
+    found = tightening._next(allowed, SimpleNamespace(tightening=now, target=wanted))
     assert (found.effort, found.radius.tolist()) == (0.9, [0.0])
     assert found.velocity == pytest.approx([0.8 - 1.1 * 0.1, 0.85])
     assert found.rotation == pytest.approx([0.1 + 1.1 * 0.1])
     assert found.clearance == pytest.approx(0.008)
     assert found.position == pytest.approx(1.1 * (joints + 0.3))
-    tried = SimpleNamespace(tightening=now, wanted=wanted)
+    tried = SimpleNamespace(tightening=now, target=wanted)
     safer = tightening._next(allowed, tried, given_back=0.0)
     assert (safer.clearance, safer.velocity.tolist()) == (0.01, pytest.approx([0.69, 0.8]))

@@ -134,30 +134,22 @@ def verify_cycle(
     refused: dict[str, str] = {}
     for k, leg in enumerate(cycle.legs):
         try:
-            judged = _judged_leg(cycle, motion, k, tolerance)
+            begin, end = motion.leg_times[k]
+            problem = cycle.problem(k, motion.junctions[: k + 2])
+            if k == 0:
+                problem = replace(problem, start=cycle.start)
+            judged = verify(problem, part_of(motion.trajectory, begin, end), tolerance)
+            # With times of the whole motion.
+            conditions = {
+                name: replace(each, where=leg.in_cycle(each.where, begin))
+                for name, each in judged.conditions.items()
+            }
+            judged = replace(judged, conditions=conditions)
         except ProblemError as error:
             refused |= {move.name: str(error) for move in leg.moves}
         else:
             moves |= {move.name: judged for move in leg.moves}
     return CycleCertificate(moves, dict(_judged_junctions(cycle, motion)), refused, tolerance)
-
-
-def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance) -> Certificate:
-    """Return the certificate of a leg, with times of the whole motion.
-
-    Raises:
-        ProblemError: The leg's problem refuses its start.
-    """
-    begin, end = motion.leg_times[k]
-    problem = cycle.problem(k, motion.junctions[: k + 2])
-    if k == 0:
-        problem = replace(problem, start=cycle.start)
-    judged = verify(problem, part_of(motion.trajectory, begin, end), tolerance)
-    conditions = {
-        name: replace(each, where=cycle.legs[k].in_cycle(each.where, begin))
-        for name, each in judged.conditions.items()
-    }
-    return replace(judged, conditions=conditions)
 
 
 def _judged_junctions(
@@ -220,21 +212,18 @@ def _judged_dwell(motion: CycleMotion, junction: int) -> JudgedCondition:
 def _judged_hold(stop: Stop, q: FloatArray, time: float) -> JudgedCondition:
     """Judge the motors' efforts at rest in a configuration (n,), with every load carried there."""
     arms = list(dict.fromkeys(stop.arms))
-    margins = np.array([_hold_margin(arm, q) for arm in arms])
+    fractions = []  # of each motor's effort limit, free at rest
+    for arm in arms:
+        effort = arm.gravity_effort(q)
+        allowed = np.where(effort > 0, arm.limits.effort_at(q, 1), arm.limits.effort_at(q, -1))
+        fractions.append(np.where(np.isfinite(allowed), 1 - abs(effort) / allowed, np.inf))
+    margins = np.array(fractions)
     if np.isinf(margins).all():
         return not_required(RELATIVE, "no joint has this limit")
-    arm, joint = np.unravel_index(int(margins.argmin()), margins.shape)
-    location = Location(time=time, joint=arms[arm].joint_names[joint])
+    row, joint = np.unravel_index(int(margins.argmin()), margins.shape)
+    location = Location(time=time, joint=arms[row].joint_names[joint])
     coverage = "at rest, with and without what is taken or let go"
-    return JudgedCondition(float(margins[arm, joint]), RELATIVE, location, coverage)
-
-
-def _hold_margin(arm: RobotModel, q: FloatArray) -> FloatArray:
-    """Return the fraction of each motor's effort limit that is free at rest, shape (n,)."""
-    effort = arm.gravity_effort(q)
-    allowed = np.where(effort > 0, arm.limits.effort_at(q, 1), arm.limits.effort_at(q, -1))
-    margin: FloatArray = np.where(np.isfinite(allowed), 1 - abs(effort) / allowed, np.inf)
-    return margin
+    return JudgedCondition(float(margins[row, joint]), RELATIVE, location, coverage)
 
 
 def _judged_gap(robot: RobotModel, gap: FloatArray, time: float, coverage: str) -> JudgedCondition:

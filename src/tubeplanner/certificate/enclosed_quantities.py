@@ -240,16 +240,7 @@ def motor_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) -> 
 
 
 def rigid_body_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) -> FloatArray:
-    """Return bounds on the Taylor coefficients of the joint efforts that move the rigid bodies.
-
-    Args:
-        robot: The arm.
-        joints: Bounds on the Taylor coefficients of the joint positions, shape (order+1, I, n).
-        width: Real widths of the intervals, shape (I,) [s].
-
-    Returns:
-        Shape (order-1, I, n) [N m or N].
-    """
+    """Return bounds on the efforts that move the rigid bodies, as `motor_majorant`."""
     bodies = _motions(robot, joints)
     gravity = float(np.linalg.norm(robot.gravity))
     forces: dict[int, FloatArray] = {}

@@ -26,6 +26,8 @@ from tubeplanner.trajectory.polynomials import bernstein_coefficients, halves
 
 _POINTS = 8
 _NODES = (chebyshev.chebpts1(_POINTS) + 1) / 2
+# Largest values on [0, 1] of the product of the distances from all nodes, and of its derivative:
+# the errors of an interpolation and of its derivative are in proportion to them.
 _NODE_PRODUCT = 2.0 / 4.0**_POINTS
 _SLOPE_OF_PRODUCT = 4.0 * _POINTS**2 / 4.0**_POINTS
 # From values at the nodes to coefficients, highest power first.
@@ -171,7 +173,16 @@ def _interpolated(
     start, width, missed = (np.concatenate([part[i] for part in done]) for i in (1, 2, 3))
     order = np.lexsort((start, piece))
     piece, start, width, missed = piece[order], start[order], width[order], missed[order]
-    states = _states(trajectory, piece, start, width, quantity.derivatives)
+    # Positions and derivatives at the nodes of all intervals, each (I N, n): evaluated piece by
+    # piece, so that no rounding of times crosses a breakpoint.
+    local = start[:, None] + width[:, None] * _NODES
+    joint_count = trajectory.coefficients.shape[2]
+    states = []
+    for derivative in range(quantity.derivatives + 1):
+        value = np.zeros((*local.shape, joint_count))
+        for row in trajectory.derivative_coefficients(derivative):
+            value = value * local[:, :, None] + row[piece][:, None]
+        states.append(value.reshape(-1, joint_count))
     values = quantity.values(*states)
     values = values.reshape(len(piece), _POINTS, -1)
     coefficients = np.einsum("kp,ipc->kic", _FIT, values)
@@ -202,25 +213,3 @@ def joint_bounds(
     for k in range(min(degree + 1, len(bounds))):
         bounds[k] = comb(degree, k) * abs(np.diff(hull, n=k, axis=0)).max(axis=0)
     return bounds
-
-
-def _states(
-    trajectory: JointTrajectory,
-    piece: IntArray,
-    start: FloatArray,
-    width: FloatArray,
-    derivatives: int,
-) -> list[FloatArray]:
-    """Return positions and their first derivatives at the nodes of all intervals, each (I N, n).
-
-    Evaluated piece by piece, so that no rounding of times crosses a breakpoint.
-    """
-    local = start[:, None] + width[:, None] * _NODES
-    joints = trajectory.coefficients.shape[2]
-    states = []
-    for order in range(derivatives + 1):
-        value = np.zeros((*local.shape, joints))
-        for row in trajectory.derivative_coefficients(order):
-            value = value * local[:, :, None] + row[piece][:, None]
-        states.append(value.reshape(-1, joints))
-    return states

@@ -16,7 +16,6 @@ from tubeplanner.certificate.judged_motion import (
     not_required,
 )
 from tubeplanner.outcome import Location
-from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import (
     Extrema,
@@ -300,18 +299,11 @@ def velocity_by_position_left(motion: JudgedMotion) -> JudgedCondition:
     if not motion.robot.limits.velocity_by_position:
         return not_required(RELATIVE, "no joint has such a limit")
     trajectory = motion.trajectory
-    approaches = _approaches(motion.robot, trajectory)
-    lower_bound, attained, time, which = _least_left(approaches, trajectory)
-    joint = motion.robot.joint_names[approaches.joint[which]]
-    return bracketed(lower_bound, attained, RELATIVE, Location(time=time, joint=joint))
-
-
-def _approaches(robot: RobotModel, trajectory: JointTrajectory) -> _Approaches:
-    laws = robot.limits.velocity_by_position
+    laws = motion.robot.limits.velocity_by_position
     joint = np.array([law.joint for law in laws])
     deceleration = np.array([law.deceleration for law in laws])
     span = np.array([law.upper - law.lower for law in laws])
-    limit = robot.limits.velocity[joint]
+    limit = motion.robot.limits.velocity[joint]
     largest = np.where(np.isfinite(limit), limit, np.sqrt(2 * deceleration * span))
     position = trajectory.coefficients[:, :, joint]
     velocity = np.zeros_like(position)
@@ -319,7 +311,7 @@ def _approaches(robot: RobotModel, trajectory: JointTrajectory) -> _Approaches:
     to_upper, to_lower = -position, position.copy()
     to_upper[-1] += [law.upper for law in laws]
     to_lower[-1] -= [law.lower for law in laws]
-    return _Approaches(
+    approaches = _Approaches(
         np.tile(joint, 2),
         np.tile(deceleration, 2),
         np.tile([law.offset for law in laws], 2),
@@ -327,6 +319,9 @@ def _approaches(robot: RobotModel, trajectory: JointTrajectory) -> _Approaches:
         np.concatenate([to_upper, to_lower], axis=2),
         np.concatenate([velocity, -velocity], axis=2),
     )
+    lower_bound, attained, time, which = _least_left(approaches, trajectory)
+    name = motion.robot.joint_names[approaches.joint[which]]
+    return bracketed(lower_bound, attained, RELATIVE, Location(time=time, joint=name))
 
 
 def _least_left(

@@ -147,13 +147,22 @@ def least_rotation_margin(
     bounded = [visit for visit in visits if np.isfinite(tube.bounds[visit.segment]).any()]
     if not bounded:
         return None
-    parts = _first_parts(tube, pose, bounded)
+    interval, start, width, segment = visited_parts(pose.tool, bounded)
+    at_ends = [_vector_at(tube, pose, interval, segment, t) for t in (start, start + width)]
+    vector, fraction = (np.array(values) for values in zip(*at_ends, strict=True))
+    parts = _Parts(interval, start, width, segment, vector, fraction)
     attained, time, worst_segment = np.inf, 0.0, 0
     lower_bound, count = np.inf, 0
     while len(parts.interval):
         count += len(parts.interval)
         ends = np.array([tube.margin_of(v, parts.segment) for v in parts.vector])
-        lower, error = _bounded(tube, pose, parts)
+        first, last = parts.vector
+        largest = np.maximum(_measures(first), _measures(nearest_branch(last, first, _ALL)))
+        off, error = _chord_distance(tube, pose, parts, largest[:, 3])
+        bounds = tube.bounds[parts.segment]
+        lower = (bounds - largest).min(axis=1) - off - error
+        # Lower bounds between the ends. No component and no angle is larger than pi.
+        lower = np.maximum(lower, bounds.min(axis=1) - np.pi)
         end, row = np.unravel_index(int(ends.argmin()), ends.shape)
         if ends[end, row] < attained:
             attained, worst_segment = float(ends[end, row]), int(parts.segment[row])
@@ -168,14 +177,6 @@ def least_rotation_margin(
     return LeastMargin(lower_bound, attained, time, worst_segment, count)
 
 
-def _first_parts(tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]) -> _Parts:
-    """Return every part of an interval that a visit covers."""
-    interval, start, width, segment = visited_parts(pose.tool, visits)
-    ends = [_vector_at(tube, pose, interval, segment, t) for t in (start, start + width)]
-    vector, fraction = (np.array(values) for values in zip(*ends, strict=True))
-    return _Parts(interval, start, width, segment, vector, fraction)
-
-
 def _halves(tube: RotationalTube, pose: EnclosedPose, parts: _Parts, rows: BoolArray) -> _Parts:
     """Return the two halves of each selected part, in turn."""
     interval, segment = parts.interval[rows], parts.segment[rows]
@@ -187,19 +188,6 @@ def _halves(tube: RotationalTube, pose: EnclosedPose, parts: _Parts, rows: BoolA
         pairs[1, 0::2] = pairs[0, 1::2] = between
         both.append(pairs)
     return _Parts(np.repeat(interval, 2), start, width, np.repeat(segment, 2), *both)
-
-
-def _bounded(
-    tube: RotationalTube, pose: EnclosedPose, parts: _Parts
-) -> tuple[FloatArray, FloatArray]:
-    """Return lower bounds on the margins between the ends and errors, each shape (R,) [rad]."""
-    first, last = parts.vector
-    largest = np.maximum(_measures(first), _measures(nearest_branch(last, first, _ALL)))
-    off, error = _chord_distance(tube, pose, parts, largest[:, 3])
-    bounds = tube.bounds[parts.segment]
-    lower = (bounds - largest).min(axis=1) - off - error
-    # No component and no angle is larger than pi.
-    return np.maximum(lower, bounds.min(axis=1) - np.pi), error
 
 
 def _vector_at(

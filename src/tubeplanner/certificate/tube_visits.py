@@ -132,16 +132,16 @@ def telling_visits(
     for one in fit.each():
         time = np.union1d(time, one.crossings(time))
     is_ordered, levels = problem.tube.visit == "ordered", []
-    kept = np.ones((len(time), problem.tube.segment_count), dtype=bool)
+    holds = np.ones((len(time), problem.tube.segment_count), dtype=bool)
     for one in fit.each():
         margin = one.at(time)
-        values = np.where(kept, margin, -np.inf)
+        values = np.where(holds, margin, -np.inf)
         if is_ordered:
             most = _worst_visit(best_switching_samples(values), values)
         else:
             most = float(_least_of_steps(values).max(axis=1).min())
         levels.append(min(most, 0.0))
-        kept &= margin >= levels[-1]
+        holds &= margin >= levels[-1]
     fit.levels = levels
     return fit.visits(time, is_refined=False)
 

@@ -13,7 +13,7 @@ from scipy.ndimage import minimum_filter1d
 from scipy.optimize import elementwise
 from scipy.special import factorial
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.fastest_parameterization import fastest_parameterization
 from tubeplanner.first_guess.tool_paths import ToolPath
 from tubeplanner.limits.time_scaling import (
@@ -49,8 +49,29 @@ def run_along(path: JointTrajectory, timing: JointTrajectory) -> JointTrajectory
     times[-1] = timing.duration
     middle = timing.position((times[:-1] + times[1:]) / 2)[:, 0]
     piece = np.clip(np.searchsorted(path.breakpoints, middle) - 1, 0, len(path.widths) - 1)
-    coefficients = _composed(path, _restarted(timing, times), piece)
-    return JointTrajectory(path.joint_names, times, coefficients)
+    # Coefficients of the arc length, (r+1, P), in the pieces between the new times.
+    polynomial = PPoly(timing.coefficients[:, :, 0], timing.breakpoints)
+    powers = np.arange(len(timing.coefficients) - 1, -1, -1)
+    # Looked up at the middles, expanded about the starts: rounding cannot pick a neighbouring
+    # piece.
+    half = np.diff(times) / 2
+    arc_length = np.array(
+        [polynomial.derivative(p)(times[:-1] + half) / factorial(p) for p in powers]
+    )
+    for last in range(len(arc_length), 1, -1):  # repeated synthetic division
+        for k in range(1, last):
+            arc_length[k] += -half * arc_length[k - 1]
+    # Horner's scheme in polynomials: coefficients of the composition, (degree*r+1, P, n).
+    arc_length[-1] -= path.breakpoints[piece]
+    rows = path.coefficients[:, piece]
+    result = rows[:1]
+    for row in rows[1:]:
+        product = np.zeros((len(result) + len(arc_length) - 1, *row.shape))
+        for power, factor in enumerate(arc_length):
+            product[power : power + len(result)] += factor[:, None] * result
+        product[-1] += row
+        result = product
+    return JointTrajectory(path.joint_names, times, result)
 
 
 def times_at(timing: JointTrajectory, arc_length: FloatArray) -> FloatArray:
@@ -76,35 +97,6 @@ def averaged_parameterization(timing: JointTrajectory, intervals: int) -> JointT
     return averaged(timing, intervals, timing.duration * intervals / (intervals - 2))
 
 
-def _restarted(timing: JointTrajectory, times: FloatArray) -> FloatArray:
-    """Return coefficients (degree+1, P) of the pieces between other times (P+1,) [s]."""
-    polynomial = PPoly(timing.coefficients[:, :, 0], timing.breakpoints)
-    powers = np.arange(len(timing.coefficients) - 1, -1, -1)
-    # Looked up at the middles, expanded about the starts: rounding cannot pick a neighbouring
-    # piece.
-    half = np.diff(times) / 2
-    rows = np.array([polynomial.derivative(p)(times[:-1] + half) / factorial(p) for p in powers])
-    for last in range(len(rows), 1, -1):  # repeated synthetic division
-        for k in range(1, last):
-            rows[k] += -half * rows[k - 1]
-    return rows
-
-
-def _composed(path: JointTrajectory, timing: FloatArray, piece: IntArray) -> FloatArray:
-    """Return coefficients (degree*r+1, P, n) of a path's pieces (P,) of polynomials (r+1, P)."""
-    arc_length = timing.copy()
-    arc_length[-1] -= path.breakpoints[piece]
-    rows = path.coefficients[:, piece]
-    result = rows[:1]
-    for row in rows[1:]:
-        product = np.zeros((len(result) + len(arc_length) - 1, *row.shape))
-        for power, factor in enumerate(arc_length):
-            product[power : power + len(result)] += factor[:, None] * result
-        product[-1] += row
-        result = product
-    return result
-
-
 # ---- Bang-bang control on given paths: the least time from rest to rest.
 #
 # At every instant some motor or velocity is at its limit, and motors switch instantly: the
@@ -125,7 +117,15 @@ def bang_bang_parameterizations(
     """
     timings = []
     for path in paths:
-        timing = fastest_parameterization(problem, path.joints, _grid(path))
+        breakpoints, length = path.joints.breakpoints, path.joints.duration
+        least = max(_PATH_STEPS, _PIECE_STEPS * len(path.curve.start))
+        counts = np.ceil(least * path.joints.widths / length).astype(int)
+        parts = [
+            np.linspace(begin, end, count, endpoint=False)
+            for (begin, end), count in zip(pairwise(breakpoints), counts, strict=True)
+        ]
+        grid = np.append(np.concatenate(parts), length)
+        timing = fastest_parameterization(problem, path.joints, grid)
         if timing is None:
             raise Infeasible(
                 PlanStatus.NO_TRAJECTORY,
@@ -152,18 +152,6 @@ def bang_bang_trajectory(
     trajectory = concatenate(runs)
     ratio = minimum_duration(problem, trajectory, with_jerk=False) / trajectory.duration
     return trajectory.scaled(ratio), ratio - 1
-
-
-def _grid(path: ToolPath) -> FloatArray:
-    """Return arc lengths (N,) from the path's start to its end, with all breakpoints."""
-    breakpoints, length = path.joints.breakpoints, path.joints.duration
-    least = max(_PATH_STEPS, _PIECE_STEPS * len(path.curve.start))
-    counts = np.ceil(least * path.joints.widths / length).astype(int)
-    parts = [
-        np.linspace(begin, end, count, endpoint=False)
-        for (begin, end), count in zip(pairwise(breakpoints), counts, strict=True)
-    ]
-    return np.append(np.concatenate(parts), length)
 
 
 # ---- Smoothed bang-bang control: the same path with an average of its time parameterization.

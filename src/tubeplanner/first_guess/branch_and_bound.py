@@ -194,7 +194,16 @@ class BranchAndBound:
             survivors = self._rules.clear(self._rules.surviving(batch, self._upper_bound))
             bound = self._rules.lower_bound(survivors)
             if not batch.complete:
-                self._open_nodes(nodes, survivors, bound)
+                velocity, acceleration = (survivors.at(_END, order)[:, 0, 0] for order in (1, 2))
+                for i, parent in enumerate(survivors.parent):
+                    node = _Node(
+                        (*nodes[parent].waypoints, int(survivors.waypoints[i, 2])),
+                        velocity[i],
+                        acceleration[i],
+                        float(survivors.factor[i]),
+                        survivors.tube_segments[i],
+                    )
+                    self._push(float(bound[i]), node)
                 continue
             for i in np.argsort(bound, kind="stable"):  # the most promising first
                 if bound[i] < self._upper_bound:
@@ -235,18 +244,6 @@ class BranchAndBound:
             inside=np.zeros((len(parent), 0, new, self._problem.tube.segment_count), dtype=bool),
         )
 
-    def _open_nodes(self, nodes: Sequence[_Node], batch: SegmentBatch, bound: FloatArray) -> None:
-        velocity, acceleration = (batch.at(_END, order)[:, 0, 0] for order in (1, 2))
-        for i, parent in enumerate(batch.parent):
-            node = _Node(
-                (*nodes[parent].waypoints, int(batch.waypoints[i, 2])),
-                velocity[i],
-                acceleration[i],
-                float(batch.factor[i]),
-                batch.tube_segments[i],
-            )
-            self._push(float(bound[i]), node)
-
     def _try_trajectory(self, waypoints: tuple[int, ...]) -> None:
         """Keep a certified trajectory if no earlier trajectory is as fast."""
         q = self._waypoints[list(waypoints)]
@@ -274,28 +271,23 @@ class BranchAndBound:
                 self.best_waypoints = waypoints
                 self._upper_bound = trajectory.duration
                 return
-            fault = self._faulty_segment(certificate, trajectory)
+            # Another continuation may choose other switching times, but not other links or another
+            # union.
+            conditions = ["obstacles", "self_collision"]
+            if self._problem.tube.visit == "any":
+                conditions.append("tube")
+            times = [
+                float(fault_time)
+                for name in certificate.failures()
+                if name in conditions
+                and (fault_time := certificate.conditions[name].where.time) is not None
+            ]
+            if times:
+                fault = int(np.searchsorted(trajectory.breakpoints[1:-1], min(times), side="right"))
         self._refused += 1
         # A segment depends on the waypoints up to the one after its end, the last two on all.
         if fault is not None and fault + 3 < len(waypoints):
             self._failed.add(waypoints[: fault + 3])
-
-    def _faulty_segment(self, certificate: Certificate, trajectory: JointTrajectory) -> int | None:
-        """Return the certificate's first segment that no other continuation can repair, or None.
-
-        Another continuation may choose other switching times, but not other links or another union.
-        """
-        conditions = ["obstacles", "self_collision"]
-        if self._problem.tube.visit == "any":
-            conditions.append("tube")
-        times = [
-            float(time)
-            for name in certificate.failures()
-            if name in conditions and (time := certificate.conditions[name].where.time) is not None
-        ]
-        if not times:
-            return None
-        return int(np.searchsorted(trajectory.breakpoints[1:-1], min(times), side="right"))
 
     def _begins_like_a_failed_one(self, waypoints: tuple[int, ...]) -> bool:
         failed = any(waypoints[:k] in self._failed for k in range(3, len(waypoints) + 1))

@@ -136,7 +136,18 @@ def reference_branch(
         route[-1] = problem.robot.tool_position(goal[None])[0]
     elif problem.open_goal is not None:
         route[-1] = problem.open_goal.position
-    pulls = _pulls(problem, route, start, goal, rule)
+    # Configurations (m+1, n) that pull redundant joints at the points, or None.
+    pulls: FloatArray | None = None
+    if rule is RedundancyRule.HELD:
+        pulls = np.tile(start, (len(route), 1))
+    elif rule is RedundancyRule.CENTRED:
+        with np.errstate(invalid="ignore"):
+            middle = (problem.joint_lower + problem.joint_upper) / 2
+        pulls = np.vstack([start, np.where(np.isfinite(middle), middle, start)])
+    elif rule is not RedundancyRule.AS_NEEDED and goal is not None:
+        before = arc_lengths(route)
+        fraction = before / before[-1] if before[-1] > 0 else np.linspace(0, 1, len(route))
+        pulls = (1 - fraction[:, None]) * start + fraction[:, None] * goal
     q, segments = start, []
     for k in range(problem.tube.segment_count):
         checkpoint()
@@ -146,30 +157,24 @@ def reference_branch(
         segments.append(walk.to_the_end())
         q = segments[-1][-1]
     if goal is not None:
-        _require_goal(problem, q, goal)
+        difference = goal - q
+        worst = int(np.argmax(abs(difference)))
+        if not abs(difference[worst]) <= _GOAL_TOLERANCE:
+            segment = problem.tube.segment_count - 1
+            joint = problem.robot.joint_names[worst]
+            raise Infeasible(
+                PlanStatus.UNREACHABLE,
+                f"the branch that continues the start configuration ends with '{joint}' at "
+                f"{q[worst]:.4f} rad, the goal has it at {goal[worst]:.4f} rad: the goal lies on "
+                "another branch; leave the goal out, or change the start or the joint signs",
+                Location(
+                    joint=joint,
+                    segment=problem.tube.segment_number(segment, problem.tube.points[-1]),
+                ),
+                configuration=q,
+            )
         segments[-1][-1] = goal
     return ReferenceBranch(tuple(segments))
-
-
-def _pulls(
-    problem: PlanningProblem,
-    route: FloatArray,
-    start: FloatArray,
-    goal: FloatArray | None,
-    rule: RedundancyRule,
-) -> FloatArray | None:
-    """Return the configurations (m+1, n) that pull redundant joints at the points, or None."""
-    if rule is RedundancyRule.HELD:
-        return np.tile(start, (len(route), 1))
-    if rule is RedundancyRule.CENTRED:
-        with np.errstate(invalid="ignore"):
-            middle = (problem.joint_lower + problem.joint_upper) / 2
-        return np.vstack([start, np.where(np.isfinite(middle), middle, start)])
-    if rule is RedundancyRule.AS_NEEDED or goal is None:
-        return None
-    before = arc_lengths(route)
-    fraction = before / before[-1] if before[-1] > 0 else np.linspace(0, 1, len(route))
-    return (1 - fraction[:, None]) * start + fraction[:, None] * goal
 
 
 def end_configurations(problem: PlanningProblem) -> tuple[FloatArray, FloatArray | None]:
@@ -242,25 +247,6 @@ def _explain_rotated_end(
     return (
         f"{bounded_by(problem, (segment,), outside)} are in the way of the orientation asked, "
         f"{outside.words}; change them, the seed or tube.orientations"
-    )
-
-
-def _require_goal(problem: PlanningProblem, q: FloatArray, goal: FloatArray) -> None:
-    difference = goal - q
-    worst = int(np.argmax(abs(difference)))
-    if abs(difference[worst]) <= _GOAL_TOLERANCE:
-        return
-    segment = problem.tube.segment_count - 1
-    joint = problem.robot.joint_names[worst]
-    raise Infeasible(
-        PlanStatus.UNREACHABLE,
-        f"the branch that continues the start configuration ends with '{joint}' at {q[worst]:.4f} "
-        f"rad, the goal has it at {goal[worst]:.4f} rad: the goal lies on another branch; leave "
-        "the goal out, or change the start or the joint signs",
-        Location(
-            joint=joint, segment=problem.tube.segment_number(segment, problem.tube.points[-1])
-        ),
-        configuration=q,
     )
 
 
@@ -551,26 +537,23 @@ def _continuing(
     """
     if pose.seed is not None:
         return None
-    candidates = np.vstack([_from_open_goal(problem, pose), candidates])
+    open_problem = replace(problem, goal=None)
+    last = problem.tube.segment_count - 1
+    bounds = problem.joint_lower[last], problem.joint_upper[last]
+    near = np.empty((0, problem.robot.joint_count))
+    for rule in redundancy_rules(open_problem):
+        try:
+            end = reference_branch(open_problem, rule).goal
+        except Infeasible:
+            continue
+        near = reaching(problem.robot, pose, end[None], *bounds)
+        break
+    candidates = np.vstack([near, candidates])
     free = [q for q in candidates if is_free(problem, "goal", q)]
     for q in (free or list(candidates))[:_MAX_CANDIDATES]:
         if is_continued(replace(problem, goal=q)):
             return q
     return None
-
-
-def _from_open_goal(problem: PlanningProblem, pose: ToolPose) -> FloatArray:
-    """Return configurations (c, n) for a pose near the end of a branch with an open goal."""
-    open_problem = replace(problem, goal=None)
-    last = problem.tube.segment_count - 1
-    bounds = problem.joint_lower[last], problem.joint_upper[last]
-    for rule in redundancy_rules(open_problem):
-        try:
-            near = reference_branch(open_problem, rule).goal
-        except Infeasible:
-            continue
-        return reaching(problem.robot, pose, near[None], *bounds)
-    return np.empty((0, problem.robot.joint_count))
 
 
 def is_continued(problem: PlanningProblem) -> bool:

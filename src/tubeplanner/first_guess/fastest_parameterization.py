@@ -201,37 +201,24 @@ def fastest_parameterization(
     free = [each.without_speed() for each in rows]
     rate = _solved(arc_length, free[: 1 + at_both_ends], most)
     if rate is not None and rows[0].speed.any():
-        rate = _confirmed(solved, rate, arc_length)
+        # Tangents at high rates cost effort at low rates too, perhaps more than there is.
+        loose = rate
+        starts = (solved(fraction * loose) for fraction in _STARTS)
+        rate = next((start for start in starts if start is not None), None)
+        for _ in range(_ROUNDS):
+            following = None if rate is None else solved(rate)
+            if rate is None or following is None:
+                break
+            before, after = (_step_times(arc_length, run).sum() for run in (rate, following))
+            rate = following
+            if abs(after - before) < _SETTLED * after:
+                break
     if rate is None:
         return None
     durations = _step_times(arc_length, rate)
     parabolas = np.array([np.diff(rate) / (2 * durations), rate[:-1], arc_length[:-1]])
     times = np.concatenate([[0.0], np.cumsum(durations)])
     return JointTrajectory(("arc_length",), times, parabolas[:, :, None])
-
-
-def _confirmed(
-    solved: Callable[[FloatArray], FloatArray | None], free: FloatArray, arc_length: FloatArray
-) -> FloatArray | None:
-    """Return the rates (N,) [1/s] of the run that is the fastest for tangents at itself.
-
-    Args:
-        solved: Returns the rates of the fastest run for tangents at other rates, None without one.
-        free: The fastest run of motors that lose nothing at speed.
-        arc_length: Shape (N,).
-    """
-    # Tangents at high rates cost effort at low rates too, perhaps more than there is.
-    starts = (solved(fraction * free) for fraction in _STARTS)
-    rate = next((start for start in starts if start is not None), None)
-    for _ in range(_ROUNDS):
-        following = None if rate is None else solved(rate)
-        if rate is None or following is None:
-            break
-        before, after = (_step_times(arc_length, run).sum() for run in (rate, following))
-        rate = following
-        if abs(after - before) < _SETTLED * after:
-            break
-    return rate
 
 
 def _largest_rates(

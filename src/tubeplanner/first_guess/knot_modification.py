@@ -216,7 +216,15 @@ class _Search:
         none, nowhere = np.zeros(0), np.zeros((0, problem.tube.segment_count), dtype=bool)
         choices = [np.zeros((0, depth), dtype=np.int64) for depth in range(self._last)]
         self._open = [_Open(none, own, none, nowhere) for own in choices]
-        self._open[1] = self._root()
+        # The choices for the first knot that moves; no segment is settled yet.
+        count = len(self._moves)
+        tube_segments = np.zeros((count, problem.tube.segment_count), dtype=bool)
+        tube_segments[:, 0 if problem.tube.visit == "ordered" else slice(None)] = True
+        nodes = _Open(
+            np.zeros(count), np.arange(count)[:, None], np.full(count, np.inf), tube_segments
+        )
+        nodes = nodes.where(self._rules.free_waypoints[count : 2 * count])
+        self._open[1] = self._completed(nodes) if self._last == 2 else nodes
 
     @property
     def finished(self) -> bool:
@@ -233,7 +241,16 @@ class _Search:
             if depth > 1:
                 nodes = nodes.where(self._rules.clear(self._batch(nodes, depth, 1)).parent)
             if len(nodes):
-                self._expand(nodes)
+                # Every choice for the next knot; children that pass the rules stay.
+                count = len(self._moves)
+                parent = np.repeat(np.arange(len(nodes)), count)
+                choice = np.tile(np.arange(count), len(nodes))
+                nodes = nodes.where(parent)
+                nodes = replace(nodes, choices=np.column_stack([nodes.choices, choice]))
+                nodes = self._tested(nodes, depth + 1, 1)
+                if depth + 1 == self._last - 1:
+                    nodes = self._completed(nodes)
+                self._open[depth + 1] = self._open[depth + 1].merged(nodes)
         for choices in self._popped(self._last - 1, _TRAJECTORIES_PER_SWEEP).choices:
             knots = self._trajectory.knots.copy()
             knots[1:-1] += self._moves[choices]
@@ -250,29 +267,6 @@ class _Search:
         count = min(most, int(np.searchsorted(nodes.bound, self._upper_bound)))
         self._open[depth] = nodes.where(slice(count, None))
         return nodes.where(slice(count))
-
-    def _root(self) -> _Open:
-        """Return the choices for the first knot that moves; no segment is settled yet."""
-        count = len(self._moves)
-        tube_segments = np.zeros((count, self._problem.tube.segment_count), dtype=bool)
-        tube_segments[:, 0 if self._problem.tube.visit == "ordered" else slice(None)] = True
-        nodes = _Open(
-            np.zeros(count), np.arange(count)[:, None], np.full(count, np.inf), tube_segments
-        )
-        nodes = nodes.where(self._rules.free_waypoints[count : 2 * count])
-        return self._completed(nodes) if self._last == 2 else nodes
-
-    def _expand(self, nodes: _Open) -> None:
-        """Expand nodes by every choice for the next knot; keep children that pass the rules."""
-        count, depth = len(self._moves), nodes.choices.shape[1] + 1
-        parent = np.repeat(np.arange(len(nodes)), count)
-        choice = np.tile(np.arange(count), len(nodes))
-        nodes = nodes.where(parent)
-        nodes = replace(nodes, choices=np.column_stack([nodes.choices, choice]))
-        nodes = self._tested(nodes, depth, 1)
-        if depth == self._last - 1:
-            nodes = self._completed(nodes)
-        self._open[depth] = self._open[depth].merged(nodes)
 
     def _completed(self, nodes: _Open) -> _Open:
         """Return the nodes whose last two segments, to the goal, pass the rules too."""
@@ -391,44 +385,35 @@ class KnotModification:
             increments = self._increments / 2**halving
             while self.nodes < node_budget and len(self.candidates[-1].knots) > 2:
                 checkpoint()
-                if not self._step(increments):
+                candidate, options = self.candidates[-1], self._options
+                clearance = LinkClearance(self._problem, candidate.knots)
+                direction = best_direction(
+                    self._problem,
+                    candidate,
+                    increments,
+                    clearance,
+                    upper_bound=candidate.duration * (1 - options.min_gain),
+                    node_budget=options.direction_nodes,
+                )
+                self.nodes += direction.nodes
+                self.directions += 1
+                self.proved += direction.proved
+                if direction.candidate is None:
                     break
+                # Steps along the direction grow while they help.
+                best, length = direction.candidate, 1.0
+                change = best.knots - candidate.knots
+                while True:
+                    length *= options.growth
+                    farther = feasible_trajectory(
+                        self._problem,
+                        candidate.knots + length * change,
+                        candidate.construction,
+                        clearance,
+                        best.duration,
+                    )
+                    if farther is None:
+                        break
+                    best = farther
+                self.candidates.append(best)
         return self.candidates[-1]
-
-    def _step(self, increments: FloatArray) -> bool:
-        """Move the knots along the best direction; return True if any is faster."""
-        candidate, options = self.candidates[-1], self._options
-        clearance = LinkClearance(self._problem, candidate.knots)
-        direction = best_direction(
-            self._problem,
-            candidate,
-            increments,
-            clearance,
-            upper_bound=candidate.duration * (1 - options.min_gain),
-            node_budget=options.direction_nodes,
-        )
-        self.nodes += direction.nodes
-        self.directions += 1
-        self.proved += direction.proved
-        if direction.candidate is None:
-            return False
-        self.candidates.append(self._farther(candidate, direction.candidate, clearance))
-        return True
-
-    def _farther(
-        self, candidate: KnotTrajectory, best: KnotTrajectory, clearance: LinkClearance
-    ) -> KnotTrajectory:
-        """Return the fastest trajectory along a direction, in steps that grow while they help."""
-        direction, length = best.knots - candidate.knots, 1.0
-        while True:
-            length *= self._options.growth
-            farther = feasible_trajectory(
-                self._problem,
-                candidate.knots + length * direction,
-                candidate.construction,
-                clearance,
-                best.duration,
-            )
-            if farther is None:
-                return best
-            best = farther

@@ -219,7 +219,13 @@ class SegmentRules:
             upper_bound: Only trajectories faster than this are of interest [s].
         """
         batch = self._cut("collision", batch, self.free_waypoints[batch.waypoints[:, 2]])
-        batch = replace(batch, factor=np.minimum(batch.factor, self._rate_factor(batch)))
+        rate_factor = np.full(len(batch), np.inf)
+        for limit in self._rates:
+            rate = batch.at(_RATE_TIMES, limit.order)[..., limit.joints]
+            used = (abs(rate) / limit.limit).max(axis=(1, 2, 3))
+            with np.errstate(divide="ignore"):
+                rate_factor = np.minimum(rate_factor, (1 / used) ** (1 / limit.order))
+        batch = replace(batch, factor=np.minimum(batch.factor, rate_factor))
         batch = self._cut("duration", batch, self.lower_bound(batch) < upper_bound)
         limits = self._problem.robot.limits
         for times in _STAGES:
@@ -276,13 +282,3 @@ class SegmentRules:
     def _cut(self, rule: str, batch: SegmentBatch, keep: BoolArray) -> SegmentBatch:
         self.cuts[rule] += int(len(keep) - keep.sum())
         return batch if keep.all() else batch.where(keep)
-
-    def _rate_factor(self, batch: SegmentBatch) -> FloatArray:
-        """Return the speed factors under limits of velocity, acceleration and jerk, (C,)."""
-        factor = np.full(len(batch), np.inf)
-        for limit in self._rates:
-            rate = batch.at(_RATE_TIMES, limit.order)[..., limit.joints]
-            used = (abs(rate) / limit.limit).max(axis=(1, 2, 3))
-            with np.errstate(divide="ignore"):
-                factor = np.minimum(factor, (1 / used) ** (1 / limit.order))
-        return factor

@@ -51,7 +51,15 @@ class ReferenceRotation:
         components = bounded_components(tube, segment)
         self._components = components | bounded_components(tube, self._following)
         self._begin = self._vector(begin)
-        self._end = self._open_end(problem) if goal is None else self._vector(goal)
+        open_goal = problem.open_goal
+        if goal is not None:
+            self._end = self._vector(goal)
+        elif open_goal is None or self._following < problem.tube.segment_count:
+            self._end = np.zeros(3)
+        else:
+            tool = open_goal.position[None]
+            reference = self._tube.reference(tool, self._following)
+            self._end = self._tube.error(reference, tool, segment)[0] * self._components
         ends = np.array([self._begin, self._end])
         self._keeps_bounds = bool(self._tube.margin_of(ends, segment).min() >= 0)
 
@@ -75,15 +83,6 @@ class ReferenceRotation:
 
     def _vector_after(self, fraction: float) -> FloatArray:
         return (1 - fraction) * self._begin + fraction * self._end
-
-    def _open_end(self, problem: PlanningProblem) -> FloatArray:
-        """Return the target rotation vector (3,) at an end without a given configuration."""
-        goal = problem.open_goal
-        if goal is None or self._following < problem.tube.segment_count:
-            return np.zeros(3)
-        tool = goal.position[None]
-        reference = self._tube.reference(tool, self._following)
-        return self._tube.error(reference, tool, self._segment)[0] * self._components
 
     def _vector(self, q: FloatArray) -> FloatArray:
         """Return the rotation vector (3,) of a configuration (n,), free components zero."""
@@ -179,7 +178,18 @@ class SegmentWalk:
         self._below = np.maximum(self._end_lower - begin, 0.0)
         self._above = np.maximum(begin - self._end_upper, 0.0)
         self._narrows = bool(self._below.any() or self._above.any())
-        self._allowed, self._allowed_at_end = self._allowed_errors()
+        # The largest distances of the tool from the line and from its end [m].
+        radius = problem.tube.effective_radius
+        self._allowed = _ALLOWED_RADIUS_FRACTION * float(radius[segment])
+        if segment + 1 == len(radius):
+            end = problem.open_goal
+            at_end = self._allowed
+            if end is not None:
+                at_end = min(at_end, _GOAL_FRACTION * end.tolerance)
+            self._allowed_at_end = max(at_end, _OPEN_GOAL_TOLERANCE)
+        else:
+            following_radius = float(radius[segment + 1])
+            self._allowed_at_end = min(self._allowed, _ALLOWED_RADIUS_FRACTION * following_radius)
         tube = problem.rotation if with_rotation else None
         length = np.linalg.norm(np.diff(problem.tube.points, axis=0), axis=1)
         self._max_step = float(
@@ -195,10 +205,6 @@ class SegmentWalk:
         Raises:
             Infeasible: Status unreachable: the message says where the walk ends and why.
         """
-        return np.array(self._confirmed(self._approach()))
-
-    def _approach(self) -> list[FloatArray]:
-        """Return configurations whose tool goes from the segment's start to its end."""
         walk, fractions, step, reached = [self._begin], [0.0], self._max_step, 1
         while fractions[-1] < 1.0:
             fraction = min(1.0, fractions[-1] + step)
@@ -217,7 +223,7 @@ class SegmentWalk:
             reached = reached + 1 if solution.error < _REACHED else 0
             if joint_step < _MAX_JOINT_STEP / 3:
                 step = min(2 * step, self._max_step)
-        return walk
+        return np.array(self._confirmed(walk))
 
     def _confirmed(self, walk: list[FloatArray]) -> list[FloatArray]:
         """Move redundant joints to the bounds or goal at the segment's end, the tool still."""
@@ -232,7 +238,21 @@ class SegmentWalk:
             if self._is_off(solution, 1.0) or abs(solution.q - q).max() <= _SETTLED:
                 break
             walk.append(solution.q)
-        self._require_switch(walk[-1])
+        q = walk[-1]
+        outside = np.maximum(self._end_lower - q, q - self._end_upper)
+        worst = int(outside.argmax())
+        if not outside[worst] <= 10 * _SETTLED:
+            joint = self._problem.robot.joint_names[worst]
+            number = self._problem.tube.segment_number(self._segment, self._ends[1])
+            location = Location(joint=joint, segment=number).at(self._ends[1])
+            raise Infeasible(
+                PlanStatus.UNREACHABLE,
+                f"at the end of segment {number} '{joint}' is at {q[worst]:.4f} rad, but the joint "
+                f"signs on both sides of the switching time ask for [{self._end_lower[worst]:g}, "
+                f"{self._end_upper[worst]:g}]; move the reference point or change the signs",
+                location,
+                configuration=q,
+            )
         walk[-1] = np.clip(walk[-1], self._end_lower, self._end_upper)
         return walk
 
@@ -273,17 +293,6 @@ class SegmentWalk:
     def _is_away(self, solution: PositionSolution, fraction: float) -> bool:
         return solution.error > (self._allowed_at_end if fraction == 1.0 else self._allowed)
 
-    def _allowed_errors(self) -> tuple[float, float]:
-        """Return the largest distances of the tool from the line and from its end [m]."""
-        radius = self._problem.tube.effective_radius
-        is_last = self._segment + 1 == len(radius)
-        allowed = _ALLOWED_RADIUS_FRACTION * float(radius[self._segment])
-        if is_last:
-            goal = self._problem.open_goal
-            at_end = allowed if goal is None else min(allowed, _GOAL_FRACTION * goal.tolerance)
-            return allowed, max(at_end, _OPEN_GOAL_TOLERANCE)
-        return allowed, min(allowed, _ALLOWED_RADIUS_FRACTION * float(radius[self._segment + 1]))
-
     def _give_up(self, fraction: float, q: FloatArray, solution: PositionSolution) -> None:
         point = self._point(fraction)
         location = Location(segment=self._problem.tube.segment_number(self._segment, point)).at(
@@ -293,7 +302,13 @@ class SegmentWalk:
         jump = abs(solution.q - q)
         joint = self._problem.robot.joint_names[int(jump.argmax())]
         jumps = f"'{joint}' would have to jump by {jump.max():.3f} rad"
-        if self._rotation is not None and self._could_go_on(fraction, q):
+        could_turn = False  # True: the tool could go on with any other orientation
+        if self._rotation is not None:
+            robot = self._problem.robot
+            free = solve_position(robot, point, q, self._lower, self._upper)
+            is_near = bool(abs(free.q - q).max() <= _MAX_JOINT_STEP)
+            could_turn = is_near and not self._is_away(free, fraction)
+        if self._rotation is not None and could_turn:
             off = self._rotation.off_segment(solution, fraction)
             why = jumps if off is None else rotation_text(solution)
             reason = explain_rotation(self._problem, self._segment if off is None else off, why)
@@ -305,31 +320,6 @@ class SegmentWalk:
             )
         message = f"{where}: {reason}"
         raise Infeasible(PlanStatus.UNREACHABLE, message, location, configuration=q)
-
-    def _could_go_on(self, fraction: float, q: FloatArray) -> bool:
-        """Return True if a configuration could go on with any orientation of the tool."""
-        robot, point = self._problem.robot, self._point(fraction)
-        solution = solve_position(robot, point, q, self._lower, self._upper)
-        jump = abs(solution.q - q).max()
-        return jump <= _MAX_JOINT_STEP and not self._is_away(solution, fraction)
-
-    def _require_switch(self, q: FloatArray) -> None:
-        """Raise Infeasible unless the next segment allows a configuration (n,) at the end."""
-        outside = np.maximum(self._end_lower - q, q - self._end_upper)
-        worst = int(outside.argmax())
-        if outside[worst] <= 10 * _SETTLED:
-            return
-        joint = self._problem.robot.joint_names[worst]
-        number = self._problem.tube.segment_number(self._segment, self._ends[1])
-        location = Location(joint=joint, segment=number).at(self._ends[1])
-        raise Infeasible(
-            PlanStatus.UNREACHABLE,
-            f"at the end of segment {number} '{joint}' is at {q[worst]:.4f} rad, but the "
-            f"joint signs on both sides of the switching time ask for [{self._end_lower[worst]:g}, "
-            f"{self._end_upper[worst]:g}]; move the reference point or change the signs",
-            location,
-            configuration=q,
-        )
 
 
 def _extrapolated(fraction: float, fractions: list[float], q: list[FloatArray]) -> FloatArray:

@@ -82,25 +82,19 @@ def _ramped_fits(problem: PlanningProblem, q: FloatArray, segment: int) -> list[
         ramps = [ramp for ramp in ramps if (margins[ramp] <= np.maximum(close, inside)).any()]
         intervals *= 2
     for ramp in ramps:  # not close to the branch, which has a sharp bend; it may be in the tube
-        _require_inside(problem, margins[ramp], inside, segment)
+        margin = margins[ramp]
+        if (margin > inside).all():
+            continue
+        worst = int((inside - margin).argmax())
+        unit, remedy = (("m", "the radius"), ("rad", "the rotation tolerance"))[worst]
+        number = problem.tube.segment_number(segment)
+        raise Infeasible(
+            PlanStatus.NO_TRAJECTORY,
+            f"segment {number}: a spline of {_MAX_INTERVALS} pieces that follows the inverse "
+            f"kinematics leaves the tube by {-margin[worst]:.3g} {unit}; widen {remedy}",
+            Location(segment=number),
+        )
     return [shapes[ramp] for ramp in _RAMP_FRACTIONS]
-
-
-def _require_inside(
-    problem: PlanningProblem, margin: FloatArray, inside: FloatArray, segment: int
-) -> None:
-    """Raise Infeasible unless the margins of a fit with the most knots are above their bounds."""
-    if (margin > inside).all():
-        return
-    worst = int((inside - margin).argmax())
-    unit, remedy = (("m", "the radius"), ("rad", "the rotation tolerance"))[worst]
-    number = problem.tube.segment_number(segment)
-    raise Infeasible(
-        PlanStatus.NO_TRAJECTORY,
-        f"segment {number}: a spline of {_MAX_INTERVALS} pieces that follows the inverse "
-        f"kinematics leaves the tube by {-margin[worst]:.3g} {unit}; widen {remedy}",
-        Location(segment=number),
-    )
 
 
 def _least_margins(problem: PlanningProblem, q: FloatArray, segment: int) -> FloatArray:

@@ -12,7 +12,7 @@ number of knots is part of the question.
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -176,13 +176,33 @@ class SuhBishop:
         options = self._options
         half, most = (round(ratio * options.node_budget) for ratio in _BUDGET_FRACTIONS)
         candidates = self._modified("MP", [self._first], 1.0, half)
-        others = list(self._with_other_knots(candidates[0]))
+        # Through other numbers of knots; phase 1's trajectory where that is infeasible.
+        candidate, others = candidates[0], []
+        count = len(candidate.knots)
+        min_count = max(count - options.fewer_knots, _MIN_KNOTS)
+        max_count = min(count + options.more_knots, options.max_knots)
+        for count in range(min_count, max_count + 1):
+            shapes = (source.at_equal_times(count) for source in (candidate, self._first))
+            spline = next(filter(None, map(self._spline, shapes)), None)
+            if spline is not None:
+                others.append(spline)
         candidates += self._modified("other knots", others, 1.0, half)
         scale, width = 1.0, options.doubled
         while True:
             scale, before = scale / 2, self.best.duration
             fastest = sorted(candidates, key=lambda candidate: candidate.duration)[:width]
-            candidates = self._modified("DP", list(self._doubled(fastest)), scale, most)
+            # A knot more at the middle of every segment. Infeasible trajectories are doubled again:
+            # the more knots, the smaller the change.
+            finer = []
+            for candidate in fastest:
+                count = 2 * len(candidate.knots) - 1
+                doubled = None
+                while doubled is None and count <= options.max_knots:
+                    doubled = self._spline(candidate.at_equal_times(count))
+                    count = 2 * count - 1
+                if doubled is not None:
+                    finer.append(doubled)
+            candidates = self._modified("DP", finer, scale, most)
             if not candidates or self.best.duration > before * (1 - options.min_gain):
                 return
             width, most = 1, options.node_budget
@@ -231,31 +251,6 @@ class SuhBishop:
                 failed = k
             k = (passed + failed) // 2
         return better[passed] if passed >= 0 else candidates[0]
-
-    def _with_other_knots(self, candidate: KnotTrajectory) -> Iterator[KnotTrajectory]:
-        """Yield a trajectory through other numbers of knots; phase 1's where that is infeasible."""
-        count = len(candidate.knots)
-        fewest = max(count - self._options.fewer_knots, _MIN_KNOTS)
-        most = min(count + self._options.more_knots, self._options.max_knots)
-        for count in range(fewest, most + 1):
-            shapes = (source.at_equal_times(count) for source in (candidate, self._first))
-            spline = next(filter(None, map(self._spline, shapes)), None)
-            if spline is not None:
-                yield spline
-
-    def _doubled(self, candidates: Iterable[KnotTrajectory]) -> Iterator[KnotTrajectory]:
-        """Yield trajectories with a knot more at the middle of every segment.
-
-        Infeasible trajectories are doubled again: the more knots, the smaller the change.
-        """
-        for candidate in candidates:
-            count = 2 * len(candidate.knots) - 1
-            doubled = None
-            while doubled is None and count <= self._options.max_knots:
-                doubled = self._spline(candidate.at_equal_times(count))
-                count = 2 * count - 1
-            if doubled is not None:
-                yield doubled
 
     def _spline(self, knots: FloatArray) -> KnotTrajectory | None:
         """Return the 4-3-...-3-4 spline through knots (K, n); None if infeasible."""

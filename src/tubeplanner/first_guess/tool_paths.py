@@ -288,7 +288,24 @@ class _Follower:
         self._before = arc_lengths(self._route)
 
     def path(self) -> ToolPath:
-        table = _apart(self._on_curve(self._along_branch()))
+        # A table of the branch's configurations beside the curve.
+        first, last = self._curve.polyline_arc_lengths[[0, -1]]
+        rows = []
+        for k, q in enumerate(self._branch.segments):
+            begin, end = self._before[k : k + 2]
+            if begin < first - CURVE_TOLERANCE or end > last + CURVE_TOLERANCE or begin == end:
+                continue
+            direction = (self._route[k + 1] - self._route[k]) / (end - begin)
+            arc_length = (self._problem.robot.tool_position(q) - self._route[k]) @ direction
+            travel = abs(np.diff(q, axis=0)).max(axis=1)
+            if ((np.diff(arc_length) < _STILL) & (travel > _TURNED)).any():
+                raise _standstill(self._number(k))
+            rows.append(np.column_stack([q, begin + np.clip(arc_length, 0.0, end - begin)]))
+        table = np.vstack(rows)
+        table[:, -1] = np.interp(
+            table[:, -1], self._curve.polyline_arc_lengths, self._curve.arc_lengths
+        )
+        table = _apart(self._on_curve(table))
         for _ in range(_MAX_ROUNDS):
             spline = CubicSpline(arc_lengths(table[:, :-1]), table)
             x = spline.x
@@ -315,26 +332,6 @@ class _Follower:
             f"{off.max():.3g} m: a singular configuration is in the way; move the reference points",
             Location(segment=k),
         )
-
-    def _along_branch(self) -> FloatArray:
-        """Return a table of the branch's configurations beside the curve."""
-        first, last = self._curve.polyline_arc_lengths[[0, -1]]
-        rows = []
-        for k, q in enumerate(self._branch.segments):
-            begin, end = self._before[k : k + 2]
-            if begin < first - CURVE_TOLERANCE or end > last + CURVE_TOLERANCE or begin == end:
-                continue
-            direction = (self._route[k + 1] - self._route[k]) / (end - begin)
-            arc_length = (self._problem.robot.tool_position(q) - self._route[k]) @ direction
-            travel = abs(np.diff(q, axis=0)).max(axis=1)
-            if ((np.diff(arc_length) < _STILL) & (travel > _TURNED)).any():
-                raise _standstill(self._number(k))
-            rows.append(np.column_stack([q, begin + np.clip(arc_length, 0.0, end - begin)]))
-        table = np.vstack(rows)
-        table[:, -1] = np.interp(
-            table[:, -1], self._curve.polyline_arc_lengths, self._curve.arc_lengths
-        )
-        return table
 
     def _segment(self, arc_length: FloatArray) -> IntArray:
         """Return the tube's segments (N,) to which arc lengths (N,) on the curve belong."""

@@ -243,12 +243,12 @@ def _require_names(
             raise ProblemError(f"obstacles: the name '{name}' is given {names.count(name)} times")
         if name in robot.link_body:
             raise ProblemError(f"obstacles: '{name}' is also the name of a link; choose another")
-    known = [*robot.link_body, *names]
+    names_in_cell = [*robot.link_body, *names]
     for pair in ignore:
         for name in pair:
-            if name not in known:
+            if name not in names_in_cell:
                 raise ProblemError(
-                    f"collision.ignore: {unknown_name('link or obstacle', name, known)}"
+                    f"collision.ignore: {unknown_name('link or obstacle', name, names_in_cell)}"
                 )
 
 

@@ -515,8 +515,8 @@ def _wound_alike(corners: IntArray) -> IntArray:
     alike = np.column_stack([first, second + across])
     swapped = np.column_stack([first + count, second + count - across])
     _, side = _components(np.concatenate([alike, swapped]), 2 * count)
-    is_flipped = side[:count] > side[count:]  # the first of connected triangles stays as it is
-    return np.where(is_flipped[:, None], corners[:, ::-1], corners)
+    is_reversed = side[:count] > side[count:]  # the first of connected triangles stays as it is
+    return np.where(is_reversed[:, None], corners[:, ::-1], corners)
 
 
 def _components(links: IntArray, count: int) -> tuple[int, IntArray]:

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.limits.path_samples import LimitKey, PathSamples, directed_friction
+from tubeplanner.limits.path_samples import KeptWhenSlow, LimitKey, PathSamples, directed_friction
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.robot.joint_limits import JointLimits
@@ -272,7 +272,7 @@ class MotorCurve:
         return effort_refusal(at, int(sample), int(self.joints[column]), needed, stall)
 
 
-class EffortRate:
+class EffortRate(KeptWhenSlow):
     """A `SpeedLimit` on the rates of some joints' efforts, inside pieces: they are smooth there.
 
     Rates of gravity grow with s, of viscous friction with s^2, the rest with s^3. Coulomb friction,
@@ -312,10 +312,6 @@ class EffortRate:
     def key_of(self, at: PathSamples) -> IntArray:
         """Return the index of each joint's key, shape (1, I)."""
         return np.arange(len(self.joints))[None]
-
-    def refusal(self, at: PathSamples) -> Infeasible:
-        """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
-        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Location())
 
 
 # ---- Holding efforts: at rest, gravity and friction count.

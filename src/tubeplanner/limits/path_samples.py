@@ -9,7 +9,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
-from tubeplanner.outcome import Infeasible
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.robot.model import effort_rate, gravity_effort_rate
 from tubeplanner.robot.motors import JointMotors
 from tubeplanner.task.problem import PlanningProblem
@@ -275,3 +275,13 @@ class SpeedLimit(Protocol):
 
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return the reason why no speed is slow enough at some sample."""
+
+
+class KeptWhenSlow:
+    """A `SpeedLimit` that any path keeps if it is run slowly enough."""
+
+    kind: str
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return a refusal that never occurs."""
+        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Location())

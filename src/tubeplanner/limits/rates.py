@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.limits.path_samples import LimitKey, PathSamples
+from tubeplanner.limits.path_samples import KeptWhenSlow, LimitKey, PathSamples
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.robot.joint_limits import JointLimits
@@ -16,7 +16,7 @@ from tubeplanner.task.problem import PlanningProblem
 RATES: Mapping[str, int] = {"velocity": 1, "acceleration": 2, "jerk": 3}
 
 
-class JointRate:
+class JointRate(KeptWhenSlow):
     """A `SpeedLimit` on a derivative of some joints' positions.
 
     Attributes:
@@ -47,10 +47,6 @@ class JointRate:
     def key_of(self, at: PathSamples) -> IntArray:
         """Return the index of each joint's key, shape (1, I)."""
         return np.arange(len(self.joints))[None]
-
-    def refusal(self, at: PathSamples) -> Infeasible:
-        """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
-        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Location())
 
 
 # ---- Velocity limits that fall towards the ends of the joints' ranges, in each direction.
@@ -231,7 +227,7 @@ def speed_by_path(rate: PointRate, scale: FloatArray) -> tuple[FloatArray, Float
     return first, second
 
 
-class ToolSpeed:
+class ToolSpeed(KeptWhenSlow):
     """A `SpeedLimit` on a single quantity: the tool's speed as a fraction of its segment's limit.
 
     Attributes:
@@ -265,12 +261,8 @@ class ToolSpeed:
         columns = np.searchsorted(self._limited, at.segment)
         return np.minimum(columns, len(self._limited) - 1)[:, None]
 
-    def refusal(self, at: PathSamples) -> Infeasible:
-        """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
-        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Location())
 
-
-class PointSpeedLimit:
+class PointSpeedLimit(KeptWhenSlow):
     """A `SpeedLimit` on the speeds of P points that move with links, as fractions of their limits.
 
     Attributes:
@@ -303,7 +295,3 @@ class PointSpeedLimit:
     def key_of(self, at: PathSamples) -> IntArray:
         """Return the index of each point's key, shape (1, P)."""
         return np.arange(len(self.limit))[None]
-
-    def refusal(self, at: PathSamples) -> Infeasible:
-        """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
-        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Location())

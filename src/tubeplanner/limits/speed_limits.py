@@ -141,7 +141,15 @@ def limit_uses(
         direction = monotone_intervals(trajectory).at(piece, sample / (count - 1))
         friction = partial(directed_friction, motors, direction)
     at = PathSamples(problem, state, lambda: segment, friction)
-    uses = [*_position_uses(problem, samples.position, segment), *_tool_uses(at)]
+    uses = _position_uses(problem, samples.position, segment)
+    rotation, tool = at.tool_pose
+    uses.append(LimitUse(TUBE, "tool", tube_use(problem, tool, segment)))
+    if problem.tube.rotation is not None:
+        error = problem.tube.rotation.error(rotation, tool, segment)
+        angle = np.linalg.norm(error, axis=1, keepdims=True)
+        bounds = problem.tube.rotation.bounds[segment]
+        fraction = (np.hstack([abs(error), angle]) / bounds).max(axis=1)
+        uses.append(LimitUse(ROTATION, "tool", fraction))
     for limit in speed_limits(problem):
         uses += _uses_of(limit, at)
     uses.sort(key=lambda use: (use.joint is None, use.joint or 0, use.point is not None))
@@ -167,19 +175,6 @@ def _position_uses(problem: PlanningProblem, q: FloatArray, segment: IntArray) -
     fraction[wide] = abs(2 * q[wide] - low[wide] - high[wide]) / (high[wide] - low[wide])
     names = problem.robot.joint_names
     return [LimitUse(POSITION, names[j], fraction[:, j], j) for j in bounded.tolist()]
-
-
-def _tool_uses(at: PathSamples) -> list[LimitUse]:
-    """Return the used fractions of the tube and of its rotation tolerance."""
-    problem, segment, (rotation, tool) = at.problem, at.segment, at.tool_pose
-    uses = [LimitUse(TUBE, "tool", tube_use(problem, tool, segment))]
-    if problem.tube.rotation is not None:
-        error = problem.tube.rotation.error(rotation, tool, segment)
-        angle = np.linalg.norm(error, axis=1, keepdims=True)
-        bounds = problem.tube.rotation.bounds[segment]
-        fraction = (np.hstack([abs(error), angle]) / bounds).max(axis=1)
-        uses.append(LimitUse(ROTATION, "tool", fraction))
-    return uses
 
 
 def _uses_of(limit: SpeedLimit, at: PathSamples) -> list[LimitUse]:

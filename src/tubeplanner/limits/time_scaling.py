@@ -64,10 +64,10 @@ def scaling_factor(
     state = _checked_state(problem, (q, v, a) if jerk is None else (q, v, a, jerk))
     if segment is not None:
         count, last = len(state[0]), problem.tube.segment_count - 1
-        wanted = f"{count} whole numbers from 0 to {last}"
-        row = given_row("segment", segment, wanted)
+        expected = f"{count} whole numbers from 0 to {last}"
+        row = given_row("segment", segment, expected)
         if len(row) != count or not all(isinstance(k, int) and 0 <= k <= last for k in row):
-            raise OptionError(f"segment is {shown(row)}; give {wanted}")
+            raise OptionError(f"segment is {shown(row)}; give {expected}")
         segment = np.array(row, dtype=np.int64)
     return largest_speeds(_samples(problem, state, segment), speed_limits(problem))
 

@@ -148,22 +148,15 @@ def widened_radius(tube: Tube, grid: KnotGrid) -> FloatArray:
         for run, fractions in zip(grid.runs, grid.fractions, strict=True)
     ]
     interval_of = np.repeat(interval, [len(run) for run in grid.runs])
-    widest = np.append(np.append(np.inf, _corner_radius(axis, length)), np.inf)
+    # A circle that touches both legs at a distance d from the corner has the radius d tan(phi / 2),
+    # phi being the angle between the legs.
+    along = axis / length[:, None]
+    cosine = -np.einsum("mi,mi->m", along[:-1], along[1:])
+    with np.errstate(divide="ignore"):
+        tangent = np.sqrt(np.clip(1 - cosine, 0, None) / np.clip(1 + cosine, 0, None))
+    at_corners = _CORNER_FRACTION * np.minimum(length[:-1], length[1:]) * tangent
+    widest = np.append(np.append(np.inf, at_corners), np.inf)
     widest = np.minimum(widest[:-1], widest[1:])
     coarse = np.minimum(_INTERVAL_FRACTION * interval_of, widest)
     widened: FloatArray = np.maximum(tube.effective_radius, coarse)
     return widened
-
-
-def _corner_radius(axis: FloatArray, length: FloatArray) -> FloatArray:
-    """Return the largest radius at the corners between segments (m, 3), shape (m-1,) [m].
-
-    A circle that touches both legs at a distance d from the corner has the radius d tan(phi / 2),
-    phi being the angle between the legs.
-    """
-    along = axis / length[:, None]
-    cosine = -np.einsum("mi,mi->m", along[:-1], along[1:])  # of the angle between the legs
-    with np.errstate(divide="ignore"):
-        tangent = np.sqrt(np.clip(1 - cosine, 0, None) / np.clip(1 + cosine, 0, None))
-    radius: FloatArray = _CORNER_FRACTION * np.minimum(length[:-1], length[1:]) * tangent
-    return radius

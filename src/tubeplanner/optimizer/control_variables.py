@@ -57,7 +57,22 @@ class ControlVariables:
         self._own = self.column[moving]
         self._first = moving[np.unique(self._own, return_index=True)[1]]
         count = int(self.column.max()) + 1
-        lower, upper = self._control_bounds()
+        # Joint bounds of the control points, (K, n), by all phases that they belong to: a spline
+        # lies in the hull of its control points, so the bounds hold for all t.
+        shape = (grid.control_point_count, problem.robot.joint_count)
+        lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
+        # Where joints may hardly move, rows lead to no better trajectory.
+        joint_lower, joint_upper = (
+            np.clip(bound, problem.joint_lower, problem.joint_upper)
+            for bound in approachable_range(problem)
+        )
+        first = 0
+        for fractions, run in zip(grid.fractions, grid.runs, strict=True):
+            counting = slice(first, first + len(fractions) - 1 + DEGREE)
+            segments = slice(run.start, run.stop)
+            lower[counting] = np.maximum(lower[counting], joint_lower[segments].max(axis=0))
+            upper[counting] = np.minimum(upper[counting], joint_upper[segments].min(axis=0))
+            first += len(fractions) - 1
         self._fraction_of_goal = _minimum_jerk(grid.control_point_count)
         self.lower, self.upper = np.full((2, count, lower.shape[1]), np.inf)
         self.lower *= -1
@@ -160,27 +175,6 @@ class ControlVariables:
         _, jacobian = self._problem.robot.tool_jacobian(control_points[-1:])
         _, gain, directions = np.linalg.svd(jacobian[0, :3], full_matrices=False)
         return directions[gain > _MIN_GAIN]
-
-    def _control_bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return joint bounds of the control points, (K, n), by all phases that they belong to.
-
-        A spline lies in the hull of its control points, so the bounds hold for all t.
-        """
-        shape = (self._grid.control_point_count, self._problem.robot.joint_count)
-        lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
-        # Where joints may hardly move, rows lead to no better trajectory.
-        joint_lower, joint_upper = (
-            np.clip(bound, self._problem.joint_lower, self._problem.joint_upper)
-            for bound in approachable_range(self._problem)
-        )
-        first = 0
-        for fractions, run in zip(self._grid.fractions, self._grid.runs, strict=True):
-            counting = slice(first, first + len(fractions) - 1 + DEGREE)
-            segments = slice(run.start, run.stop)
-            lower[counting] = np.maximum(lower[counting], joint_lower[segments].max(axis=0))
-            upper[counting] = np.minimum(upper[counting], joint_upper[segments].min(axis=0))
-            first += len(fractions) - 1
-        return lower, upper
 
 
 def _minimum_jerk(count: int) -> FloatArray:

@@ -35,13 +35,13 @@ class SplineChange:
     Attributes:
         weights: Of the four control points that count, shape (orders, N, 4).
         by_switching: Derivatives by G switching times, shape (G, orders, N, n).
-        moved: The range of switching times with derivatives other than zero, the first and the one
-            after the last, by sample, shape (N, 2); None: all.
+        switching_range: The range of switching times with derivatives other than zero, the first
+            and the one after the last, by sample, shape (N, 2); None: all.
     """
 
     weights: FloatArray
     by_switching: FloatArray
-    moved: IntArray | None
+    switching_range: IntArray | None
 
 
 _SPLINE = (*4 * (c_int64,), Doubles, Doubles, Integers, *(Doubles for _ in _ORDERS))
@@ -160,7 +160,7 @@ def _arguments(spline: SplineChange, by_path: Mapping[int, FloatArray]) -> tuple
     orders, samples, _ = spline.weights.shape
     switches, joints = spline.by_switching.shape[0], spline.by_switching.shape[3]
     by = [np.ascontiguousarray(by_path[k]) if k in by_path else None for k in _ORDERS]
-    own = (spline.weights, spline.by_switching, spline.moved)
+    own = (spline.weights, spline.by_switching, spline.switching_range)
     return samples, joints, orders, switches, *own, *by
 
 

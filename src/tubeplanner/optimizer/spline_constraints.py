@@ -165,7 +165,11 @@ class SplineConstraints:
         self._numbers = {key: number for number, key in enumerate(self.keys)}
         self._limits = [(limit, self._numbers_of(limit.keys)) for limit in limits]
         self._regions = problem.tube.regions_of(radius)
-        least = INNER_MARGIN + _margin_for_kinks(problem.tube, grid)
+        # Between samples at a chain's kinks the motion needs a margin, in radii.
+        count = grid.interval_count * (len(_DENSE_SAMPLES) - 1)
+        spacing = arc_lengths(problem.tube.points)[-1] / count
+        kink = largest_kink(problem.tube, grid.runs, _UNEVEN * spacing)
+        least = INNER_MARGIN + min(kink, _MAX_FOR_KINKS)
         slack = np.zeros(problem.tube.segment_count) if slack is None else slack
         self._margin = np.maximum(least, slack)
         self._higher = _HIGHER if run_in is None else _HIGHER_IN_A_GIVEN_DURATION
@@ -411,13 +415,6 @@ class _ArmAlong:
 
 def _jumps_at_knots(limit: SpeedLimit) -> bool:
     return limit.order >= RATES["jerk"]
-
-
-def _margin_for_kinks(tube: Tube, grid: KnotGrid) -> float:
-    """Return the margin, in radii, for the motion between samples at a chain's kinks."""
-    spacing = arc_lengths(tube.points)[-1] / (grid.interval_count * (len(_DENSE_SAMPLES) - 1))
-    kink = largest_kink(tube, grid.runs, _UNEVEN * spacing)
-    return min(kink, _MAX_FOR_KINKS)
 
 
 def _peaks(values: FloatArray, floor: float) -> IntArray:

@@ -102,7 +102,7 @@ class Bounds:
         switching: Largest steps of the switching times, shape (m-1,).
         widths: Largest changes of the widths of phases, shape (m,).
         duration: Smallest and largest eta.
-        held: Directions in which the last variable must not move, shape (r, n).
+        fixed_directions: Directions in which the last variable must not move, shape (r, n).
     """
 
     lower: FloatArray
@@ -110,7 +110,7 @@ class Bounds:
     switching: FloatArray
     widths: FloatArray
     duration: tuple[float, float]
-    held: FloatArray
+    fixed_directions: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,10 +222,10 @@ class Block:
     @property
     def held(self) -> SparseRows:
         """The held directions of the last configuration, as rows."""
-        count, n = self.bounds.held.shape
+        count, n = self.bounds.fixed_directions.shape
         size = self.bounds.lower.size
         column = np.tile(np.arange(size - n, size), count)
-        return SparseRows(self.bounds.held.ravel(), column, np.full(count, n))
+        return SparseRows(self.bounds.fixed_directions.ravel(), column, np.full(count, n))
 
     def step(self, x: FloatArray, multipliers: FloatArray) -> Step:
         """Return the step with values (V,) of the variables."""

@@ -289,8 +289,27 @@ class MeasuredObjective:
     def cost(
         self, current: Iterate, variables: ControlVariables, regularization: Quadratic
     ) -> Quadratic:
-        """Return the cost: convex quadratics of the measures, and eta."""
-        own = self._model(current, variables).times(self._worth)
+        """Return the cost: Gauss-Newton quadratics of the measures, and eta."""
+        motion, totals = self._measure(current)
+        fractions = (self._weights / totals).tolist()
+        models = zip(self._measures, fractions, strict=True)
+        model = MeasureModel.stacked(
+            [measure.model(motion, fraction) for measure, fraction in models]
+        )
+        control, switching = model.control, model.switching
+        weighted = control * model.curvature[:, :, None]
+        blocks = np.swapaxes(control, 1, 2) @ weighted
+        mixed = np.swapaxes(weighted, 1, 2) @ switching
+        corner = np.einsum("mri,mr,mrk->ik", switching, model.curvature, switching)
+        gradient = np.einsum("mrv,mr->mv", control, model.slope)
+        by_switching = np.einsum("mri,mr->i", switching, model.slope)
+        if self._blocks is None:
+            intervals, _, switches = switching.shape
+            self._blocks = IntervalBlocks(variables, intervals, POINTS, switches)
+        quadratic = Quadratic(
+            self._blocks.matrix(blocks, mixed, corner), self._blocks.vector(gradient, by_switching)
+        )
+        own = quadratic.times(self._worth)
         self._last = current, own
         hessian = own.hessian.plus(regularization.hessian)
         return Quadratic(hessian, own.gradient + regularization.gradient)
@@ -329,25 +348,3 @@ class MeasuredObjective:
         totals = np.array([measure.total(motion) for measure in self._measures]) + _NOTHING
         self._measured = [*self._measured[-2:], (current, motion, totals)]
         return motion, totals
-
-    def _model(self, current: Iterate, variables: ControlVariables) -> Quadratic:
-        """Return the Gauss-Newton quadratic of the value near a trajectory."""
-        motion, totals = self._measure(current)
-        fractions = (self._weights / totals).tolist()
-        models = zip(self._measures, fractions, strict=True)
-        model = MeasureModel.stacked(
-            [measure.model(motion, fraction) for measure, fraction in models]
-        )
-        control, switching = model.control, model.switching
-        weighted = control * model.curvature[:, :, None]
-        blocks = np.swapaxes(control, 1, 2) @ weighted
-        mixed = np.swapaxes(weighted, 1, 2) @ switching
-        corner = np.einsum("mri,mr,mrk->ik", switching, model.curvature, switching)
-        gradient = np.einsum("mrv,mr->mv", control, model.slope)
-        by_switching = np.einsum("mri,mr->i", switching, model.slope)
-        if self._blocks is None:
-            intervals, _, switches = switching.shape
-            self._blocks = IntervalBlocks(variables, intervals, POINTS, switches)
-        return Quadratic(
-            self._blocks.matrix(blocks, mixed, corner), self._blocks.vector(gradient, by_switching)
-        )

@@ -76,7 +76,7 @@ class BandedProgram:
         self._columns = columns
         self._blocks = joint = JointBlocks(blocks, columns)
         self._bounds = joint.bounds
-        self._held = [row for held in joint.held for row in held.rows()]
+        self._held = [row for directions in joint.held for row in directions.rows()]
         linear = joint.linear
         for row in self._held:
             linear[row.column] -= row.data * (row.data @ linear[row.column])

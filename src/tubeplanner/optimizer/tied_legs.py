@@ -90,7 +90,18 @@ class TiedLegs:
 
     def _on_knots(self, splines: Sequence[PhasedSpline]) -> tuple[Iterate, ...]:
         """Return the improved legs, on the knots of splines."""
-        is_tied, programs = self._programs(splines)
+        legs = list(zip(self._motions, splines, self._is_open, strict=True))
+        is_tied = tuple(
+            is_open and ControlVariables(motion.problem, spline.grid).goal_moves
+            for motion, spline, is_open in legs
+        )
+        programs = tuple(
+            SequentialProgram(motion.problem, spline.grid, start_moves=is_tied[k - 1])
+            for k, (motion, spline, _) in enumerate(legs)
+        )
+        for k, program in enumerate(programs):
+            if is_tied[k]:
+                program.variables.tie(programs[(k + 1) % len(programs)].variables)
         descent = Descent(programs, is_tied)
         for program, spline, ends_openly in zip(programs, splines, is_tied, strict=True):
             program.constraints.blend(BLENDED)
@@ -112,24 +123,6 @@ class TiedLegs:
             begun = Improved(again, trust, result.penalty)
             result = self._improved(descent, begun, _STEPS_PER_ROUND)
         return result.iterates
-
-    def _programs(
-        self, splines: Sequence[PhasedSpline]
-    ) -> tuple[tuple[bool, ...], tuple[SequentialProgram, ...]]:
-        """Return True for each leg that is tied to the next, and the legs' programs."""
-        legs = list(zip(self._motions, splines, self._is_open, strict=True))
-        is_tied = tuple(
-            is_open and ControlVariables(motion.problem, spline.grid).goal_moves
-            for motion, spline, is_open in legs
-        )
-        programs = tuple(
-            SequentialProgram(motion.problem, spline.grid, start_moves=is_tied[k - 1])
-            for k, (motion, spline, _) in enumerate(legs)
-        )
-        for k, program in enumerate(programs):
-            if is_tied[k]:
-                program.variables.tie(programs[(k + 1) % len(programs)].variables)
-        return is_tied, programs
 
     def _improved(self, descent: Descent, begun: Improved, max_steps: int) -> Improved:
         return descent.improved(

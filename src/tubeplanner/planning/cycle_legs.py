@@ -30,7 +30,7 @@ from tubeplanner.planning.refined_plan import continued_plan
 from tubeplanner.planning.result import refused_result, stopped_result
 from tubeplanner.planning.strategy import shortest_plan
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.endpoints import Goal, GoalRegion
+from tubeplanner.task.endpoints import GoalRegion
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- Other configurations in which a move could end, where the next has no answer from its own.
@@ -248,7 +248,15 @@ def shared_plan(
     last = len(greedy) - 1
     is_open = [leg.joined.ends_openly for leg in cycle.legs]
     is_open[last] &= not cycle.closed or cycle.endpoint.kind == "seed"
-    goals = _goals(cycle, greedy, is_open)
+    goals = [
+        leg.joined.goal if opens else plan.end
+        for leg, plan, opens in zip(cycle.legs, greedy, is_open, strict=True)
+    ]
+    if cycle.closed and is_open[-1]:
+        # A ball would leave more freedom than the start has, where the first tube begins.
+        begin, region = cycle.legs[0].joined.tube.points[0], cycle.legs[-1].joined.endpoint.region
+        turn = None if region is None else region.rotation_tolerance
+        goals[-1] = GoalRegion(begin, rotation_tolerance=turn)
     motions = [
         replace(motion, problem=replace(motion.problem, goal=goal))
         for plan, goal in zip(greedy, goals, strict=True)
@@ -280,25 +288,18 @@ def shared_plan(
             for motion, problem, opens in zip(opened, problems, is_open, strict=True)
         ]
         if not any(is_open):
-            plans = _planned(problems, motions, options, clock)
+            plans = []
+            for problem, motion in zip(problems, motions, strict=True):
+                with clock.within(f"{_STAGE}, {problem.name}"):
+                    result = continued_plan(problem.joined, motion, clock)
+                    if result is None or not result.succeeded:
+                        result = shortest_plan(problem, options, clock)
+                if not result.succeeded:
+                    return None
+                plans.append(LegPlan(problem, result))
             total = sum(plan.duration for plan in greedy)
-            is_shorter = plans is not None and sum(plan.duration for plan in plans) < total
-            return plans if is_shorter else None
+            return plans if sum(plan.duration for plan in plans) < total else None
     return None
-
-
-def _goals(cycle: Cycle, greedy: Sequence[LegPlan], is_open: Sequence[bool]) -> list[Goal]:
-    """Return the goals of legs: of their moves if open, else the ends of the greedy plans."""
-    goals = [
-        leg.joined.goal if opens else plan.end
-        for leg, plan, opens in zip(cycle.legs, greedy, is_open, strict=True)
-    ]
-    if cycle.closed and is_open[-1]:
-        # A ball would leave more freedom than the start has, where the first tube begins.
-        begin, region = cycle.legs[0].joined.tube.points[0], cycle.legs[-1].joined.endpoint.region
-        turn = None if region is None else region.rotation_tolerance
-        goals[-1] = GoalRegion(begin, rotation_tolerance=turn)
-    return goals
 
 
 def _tied(
@@ -318,7 +319,19 @@ def _tied(
         clock.check()
 
     splines = [motion.spline for motion in motions]
-    for chain in _chains(is_open, closed=closed):
+    # Runs of legs joined by open ends.
+    count = len(is_open)
+    # A ring is cut after a given end, if there is one.
+    first = next((k + 1 for k in range(count) if not is_open[k]), 0) if closed else 0
+    chains: list[list[int]] = [[]]
+    for leg in range(first, first + count):
+        k = leg % count
+        chains[-1].append(k)
+        if not is_open[k]:
+            chains.append([])
+    for chain in chains:
+        if not any(is_open[k] for k in chain):
+            continue
         improved = TiedLegs(
             [motions[k] for k in chain],
             [is_open[k] for k in chain[:-1]],
@@ -329,48 +342,3 @@ def _tied(
             splines[k] = spline
     is_same = all(spline is motion.spline for spline, motion in zip(splines, motions, strict=True))
     return None if is_same else splines
-
-
-def _chains(is_open: Sequence[bool], *, closed: bool) -> list[list[int]]:
-    """Return runs of legs joined by open ends, in order.
-
-    Args:
-        is_open: Whether each leg ends openly.
-        closed: Whether the first leg follows the last.
-    """
-    count = len(is_open)
-    # A ring is cut after a given end, if there is one.
-    first = next((k + 1 for k in range(count) if not is_open[k]), 0) if closed else 0
-    chains: list[list[int]] = [[]]
-    for leg in range(first, first + count):
-        k = leg % count
-        chains[-1].append(k)
-        if not is_open[k]:
-            chains.append([])
-    return [chain for chain in chains if any(is_open[k] for k in chain)]
-
-
-def _planned(
-    problems: Sequence[PlanningProblem],
-    motions: Sequence[RefinedMotion],
-    options: PlanOptions,
-    clock: PlanningClock,
-) -> list[LegPlan] | None:
-    """Return the shortest motions of legs between their ends; None if a leg has no motion.
-
-    Args:
-        problems: The legs' problems.
-        motions: The legs' motions from which planning begins.
-        options: Options of planning a leg afresh, if that leads nowhere.
-        clock: The planning's.
-    """
-    plans = []
-    for problem, motion in zip(problems, motions, strict=True):
-        with clock.within(f"{_STAGE}, {problem.name}"):
-            result = continued_plan(problem.joined, motion, clock)
-            if result is None or not result.succeeded:
-                result = shortest_plan(problem, options, clock)
-        if not result.succeeded:
-            return None
-        plans.append(LegPlan(problem, result))
-    return plans

@@ -30,8 +30,6 @@ from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.task.info import cycle_doubts
 from tubeplanner.task.legs import Leg
-from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _SAMPLES = 200
 
@@ -160,25 +158,21 @@ def leg_motion(leg: Leg, plan: LegPlan) -> LegMotion:
     """Return the motion of a leg's successful plan, with the times at which its moves begin."""
     trajectory = plan.result.trajectory
     assert trajectory is not None
-    begins = [_begin(plan.problem, trajectory, first) for first in leg.first_segments[1:]]
+    problem, numbers = plan.problem, plan.problem.joined.tube.numbers
+    begins: list[float] = []
+    for first in leg.first_segments[1:]:
+        visits = judged_visits(problem, trajectory)
+        k = int(np.searchsorted(numbers, first))
+        if numbers[k] == first:
+            begins.append(next(visit.begin for visit in visits if visit.segment >= k))
+            continue
+        # Segments on one line are joined: the sample nearest to the segment's first point counts.
+        inside = [visit for visit in visits if visit.segment == k - 1]
+        times = np.linspace(inside[0].begin, inside[-1].end, _SAMPLES)
+        tool = problem.robot.tool_position(trajectory.position(times))
+        point = problem.tube.points[np.searchsorted(problem.tube.numbers, first)]
+        begins.append(float(times[np.linalg.norm(tool - point, axis=1).argmin()]))
     return LegMotion(trajectory, tuple(begins))
-
-
-def _begin(problem: PlanningProblem, trajectory: JointTrajectory, first: int) -> float:
-    """Return the time at which a segment of the problem's file begins [s].
-
-    Where segments on one line are joined: the time of the sample nearest to its first point.
-    """
-    numbers = problem.joined.tube.numbers
-    visits = judged_visits(problem, trajectory)
-    k = int(np.searchsorted(numbers, first))
-    if numbers[k] == first:
-        return next(visit.begin for visit in visits if visit.segment >= k)
-    inside = [visit for visit in visits if visit.segment == k - 1]
-    times = np.linspace(inside[0].begin, inside[-1].end, _SAMPLES)
-    tool = problem.robot.tool_position(trajectory.position(times))
-    point = problem.tube.points[np.searchsorted(problem.tube.numbers, first)]
-    return float(times[np.linalg.norm(tool - point, axis=1).argmin()])
 
 
 def _blocked(

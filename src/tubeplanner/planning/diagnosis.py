@@ -104,7 +104,16 @@ def path_samples(
             "goal", (last,), goal.position, goal.tolerance, location, rows, is_goal=True
         )
         samples.append(sample)
-    samples += [sample for k in segments for sample in _inside(problem, k, end)]
+    # The middle of each segment, and a branch's end inside a segment.
+    for k in segments:
+        begin = tube.points[k]
+        tools = [(begin + tube.points[k + 1]) / 2]
+        if end.position is not None and end.segment == tube.segment_number(k):
+            tools.append(np.array(end.position))
+        allowed = _RADIUS_FRACTION * float(tube.effective_radius[k])
+        for tool in sorted(tools, key=lambda tool: float(np.linalg.norm(tool - begin))):
+            location = Location(segment=tube.segment_number(k, tool)).at(tool)
+            samples.append(BlockingSample("reference points", (k,), tool, allowed, location, (k,)))
     if not is_wide:
         return samples
     corners = largest_distances(tube)
@@ -113,22 +122,6 @@ def path_samples(
             widest = corners if len(sample.segments) > 1 else tube.effective_radius
             samples[i] = replace(sample, allowed=float(widest[sample.segments[0]]))
     return samples
-
-
-def _inside(problem: PlanningProblem, segment: int, end: Location) -> list[BlockingSample]:
-    """Return the middle of a segment, and a branch's end inside the segment."""
-    tube = problem.tube
-    begin = tube.points[segment]
-    tools = [(begin + tube.points[segment + 1]) / 2]
-    if end.position is not None and end.segment == tube.segment_number(segment):
-        tools.append(np.array(end.position))
-    tools.sort(key=lambda tool: float(np.linalg.norm(tool - begin)))
-    allowed = _RADIUS_FRACTION * float(tube.effective_radius[segment])
-    locations = [Location(segment=tube.segment_number(segment, tool)).at(tool) for tool in tools]
-    return [
-        BlockingSample("reference points", (segment,), tool, allowed, location, (segment,))
-        for tool, location in zip(tools, locations, strict=True)
-    ]
 
 
 # ---- The first sample of the reference path at which the arm has no configuration, and the reason.

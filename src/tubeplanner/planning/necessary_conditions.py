@@ -167,19 +167,15 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
         require_held(problem, q, is_given=is_given, must_leave=differ)
     if len(ends) > 1:
         require_approachable(problem, *ends)
-    _require_reach(problem, ends[0])
-
-
-def _require_reach(problem: PlanningProblem, start: FloatArray) -> None:
-    """Raise Infeasible unless the arm, without joint limits, reaches the farthest point."""
+    # The farthest point, the joints without limits.
     robot, (points, allowed) = problem.robot, required_points(problem)
-    base = robot.body_poses(start[None])[1][0, 1]
+    base = robot.body_poses(ends[0][None])[1][0, 1]
     k = 1 + int((np.linalg.norm(points[1:] - base, axis=1) - allowed[1:]).argmax())
     if np.isinf(allowed[k]):
         return
     point, free = points[k], np.full(robot.joint_count, np.inf)
     draw = np.random.default_rng(0).uniform
-    seeds = [start, *draw(-_SEED_RANGE, _SEED_RANGE, (_OTHER_SEEDS, robot.joint_count))]
+    seeds = [ends[0], *draw(-_SEED_RANGE, _SEED_RANGE, (_OTHER_SEEDS, robot.joint_count))]
     nearest = np.inf
     for seed in seeds:
         nearest = min(nearest, solve_position(robot, point, seed, -free, free).error)

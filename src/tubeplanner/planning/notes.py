@@ -148,27 +148,20 @@ def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTra
                 f"and {gain}"
             )
     else:
-        is_less, gain = _saved(robot, objective, before, after)
+        costs = [EffortCosts(robot, trajectory) for trajectory in (after, before)]
+        if objective.minimise == ENERGY:
+            weights = objective.energy_weights(robot)
+            values = [cost.energy(weights) for cost in costs]
+            unit = "with the given weights" if objective.weights else "limits^2 s"
+            what = "integral of the squared efforts"
+        else:
+            values, unit, what = [cost.work() for cost in costs], "J", "work of the motors"
+        is_less = values[0] < values[1]
+        gain = f"the {what} is {values[0]:.4g} instead of {values[1]:.4g} {unit}"
+        if not any(values):
+            is_less, gain = False, f"the {what} is zero, as the links have no masses"
         done = f"{objective.minimise} {'saved' if is_less else 'not saved'}"
     return (
         f"{done}: the shortest motion takes {before.duration:.4f} s; in {longer:.2f} % more time, "
         f"{gain}"
     )
-
-
-def _saved(
-    robot: RobotModel, objective: Objective, before: JointTrajectory, after: JointTrajectory
-) -> tuple[bool, str]:
-    """Return True if energy or work of a motion is less than before, and the message on both."""
-    costs = [EffortCosts(robot, trajectory) for trajectory in (after, before)]
-    if objective.minimise == ENERGY:
-        weights = objective.energy_weights(robot)
-        values = [cost.energy(weights) for cost in costs]
-        unit = "with the given weights" if objective.weights else "limits^2 s"
-        what = "integral of the squared efforts"
-    else:
-        values, unit, what = [cost.work() for cost in costs], "J", "work of the motors"
-    if not any(values):
-        return False, f"the {what} is zero, as the links have no masses"
-    message = f"the {what} is {values[0]:.4g} instead of {values[1]:.4g} {unit}"
-    return values[0] < values[1], message

@@ -15,7 +15,7 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import KnownBranches, ReferenceBranch, redundancy_rules
 from tubeplanner.limits.time_scaling import scaled_to_limits
 from tubeplanner.optimizer.auxiliary_tubes import smoother_problem, widened_radius
-from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline
+from tubeplanner.optimizer.phased_spline import PhasedSpline
 from tubeplanner.optimizer.segment_runs import sharpest_bend, tube_chains
 from tubeplanner.optimizer.stages import Refinement, has_enough_knots, limit_sensitivities
 from tubeplanner.optimizer.starts import RefinedMotion, sufficient_start
@@ -194,10 +194,26 @@ class RefinedPlans:
             first_gave_up: bool | None = None
             nearly: list[ReferenceBranch] = []
             for start in _starts(inner, branches, self._quality, nearly):
-                if not start.widens and not _is_other(inner, start, bool(first_gave_up)):
-                    continue
+                if not start.widens:  # a last attempt, if it may differ from the first
+                    is_coarse = len(start.divisions) > 1 or not has_enough_knots(start.spline.grid)
+                    if not (_is_widened(inner, start.spline) or (first_gave_up and is_coarse)):
+                        continue
                 try:
-                    result, gave_up = self._from_start(inner, start)
+                    knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
+                    checkpoint = entered(knots, self._clock, self._after_step)
+                    refinement = Refinement(
+                        inner, start.spline, start.divisions, checkpoint, widens=start.widens
+                    )
+                    # Only the first refusal is reported: where refinement gave up later, no reason
+                    # is needed.
+                    result = certified_refinement(
+                        self._problem,
+                        refinement,
+                        refinement.run,
+                        self._clock,
+                        needs_reason=self._best is None,
+                    )
+                    gave_up = refinement.gave_up
                 except Infeasible:  # nothing from this start
                     continue
                 first_gave_up = gave_up if first_gave_up is None else first_gave_up
@@ -212,33 +228,6 @@ class RefinedPlans:
                 yield self._best
             if self._best is not None and self._best.status in _ENDS_THE_SEARCH:
                 return
-
-    def _from_start(
-        self, inner: PlanningProblem, start: "_Start"
-    ) -> tuple[PlanResult | None, bool]:
-        """Return refinement's result from a start, and True if refinement gave up.
-
-        The result is None if refinement gave up and no reason was needed.
-
-        Args:
-            inner: The problem to refine, or one with a tube inside the problem's.
-            start: The start.
-
-        Raises:
-            Infeasible: Nothing to start from.
-            TimeLimitReached: Before refinement began.
-        """
-        knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
-        checkpoint = entered(knots, self._clock, self._after_step)
-        refinement = Refinement(
-            inner, start.spline, start.divisions, checkpoint, widens=start.widens
-        )
-        # Only the first refusal is reported: where refinement gave up later, no reason is needed.
-        needs_reason = self._best is None
-        result = certified_refinement(
-            self._problem, refinement, refinement.run, self._clock, needs_reason=needs_reason
-        )
-        return result, refinement.gave_up
 
 
 def _inner_problems(
@@ -324,19 +313,18 @@ def _starts_from(
     """Yield a start from a branch for each choice of knots."""
     for intervals, divisions in knots:
         spline = sufficient_start(problem, branch, intervals)
-        yield _Start(branch, spline, _divisions(spline.grid, intervals, divisions))
-
-
-def _is_other(problem: PlanningProblem, last: _Start, gave_up: bool) -> bool:
-    """Return True if a last attempt without widening may differ from the first.
-
-    Args:
-        problem: The planning problem.
-        last: The last start.
-        gave_up: Whether refinement from the first start gave up.
-    """
-    few_at_first = len(last.divisions) > 1 or not has_enough_knots(last.spline.grid)
-    return _is_widened(problem, last.spline) or (gave_up and few_at_first)
+        # Every phase has intervals, and chains as many as they need: then fewer divisions lead to
+        # the finest knots.
+        count = spline.grid.interval_count
+        has_runs = any(len(run) > 1 for run in spline.grid.runs)
+        most = _MAX_KNOTS_RATIO * intervals * float(np.prod(divisions))
+        most = max(most, _MIN_DIVISION * count) if has_runs else most
+        parts = list(divisions)
+        while parts and count * np.prod(parts) > most:
+            parts[0] -= 1
+            if parts[0] == 1:
+                parts.pop(0)
+        yield _Start(branch, spline, tuple(parts))
 
 
 def _is_widened(problem: PlanningProblem, spline: PhasedSpline) -> bool:
@@ -358,34 +346,15 @@ def _branch_searches(
     outside = [branches.joint_lines]
     if problem.rotation is not None:
         outside.append(branches.position_only)
-    yield from sorted(outside, key=_length)
+    lengths = []
+    for search in outside:
+        try:
+            lengths.append(search().length)
+        except Infeasible:
+            lengths.append(np.inf)
+    yield from (outside[k] for k in np.argsort(lengths, kind="stable"))
     for rule in others:
         yield partial(branches.by_rule, rule)
-
-
-def _length(search: Callable[[], ReferenceBranch]) -> float:
-    """Return the length of the branch of a search; infinite without a branch."""
-    try:
-        return search().length
-    except Infeasible:
-        return np.inf
-
-
-def _divisions(grid: KnotGrid, intervals: int, divisions: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the divisions of a grid that may have more intervals than the quality's.
-
-    Every phase has intervals, and chains as many as they need: then fewer divisions lead to the
-    finest knots.
-    """
-    count, has_runs = grid.interval_count, any(len(run) > 1 for run in grid.runs)
-    most = _MAX_KNOTS_RATIO * intervals * float(np.prod(divisions))
-    most = max(most, _MIN_DIVISION * count) if has_runs else most
-    parts = list(divisions)
-    while parts and count * np.prod(parts) > most:
-        parts[0] -= 1
-        if parts[0] == 1:
-            parts.pop(0)
-    return tuple(parts)
 
 
 def entered(

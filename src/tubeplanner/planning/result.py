@@ -203,22 +203,7 @@ def judged_result(
             reason = reason.replaced(configuration=q, location=location)
         refused = refused_result(reason, method)
         return replace(refused, certificate=certificate, certificate_time=certificate_time)
-    return PlanResult(
-        PlanStatus.SUCCESS,
-        _success_message(problem, trajectory),
-        Location(),
-        method,
-        trajectory,
-        certificate,
-        certificate_time=certificate_time,
-        notes=_notes(problem, trajectory),
-        _path_minimum=partial(path_minimum, problem, trajectory),
-        _peaks=partial(trajectory_peaks, problem.robot, trajectory),
-    )
-
-
-def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
-    """Return notes on unused speed, on contacts, and on the robot's description."""
+    message = _success_message(problem, trajectory)
     notes = []
     unused = unused_speed(problem, trajectory)
     if unused > _MAX_UNUSED:
@@ -228,7 +213,19 @@ def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, 
         )
     robot = problem.robot
     on_robot = (*unlimited_notes(robot), *robot_notes(robot))
-    return (*notes, *contact_notes(problem, trajectory), *on_robot)
+    notes += [*contact_notes(problem, trajectory), *on_robot]
+    return PlanResult(
+        PlanStatus.SUCCESS,
+        message,
+        Location(),
+        method,
+        trajectory,
+        certificate,
+        certificate_time=certificate_time,
+        notes=tuple(notes),
+        _path_minimum=partial(path_minimum, problem, trajectory),
+        _peaks=partial(trajectory_peaks, problem.robot, trajectory),
+    )
 
 
 def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
@@ -241,20 +238,15 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
             away = region.distance(problem.robot.tool_position(last[None])[0])
             message += f"; the tool ends {1000 * away:.3g} mm from the goal's position"
         message += f"; the goal was left open and became [{q}]"
-    return message + _passed_by(problem, trajectory)
-
-
-def _passed_by(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
-    """Return the message on reference points far from the tool's path; empty if none is far."""
     reach = _FAR_IN_RADII * (problem.tube.reach.max() + problem.tube.tool_radius)
     for count in (2, _SAMPLES_PER_PIECE):  # as a rule, 2 samples show that no point is far
         tool = problem.robot.tool_position(trajectory.per_piece(count).position)
-        away = [np.linalg.norm(tool - point, axis=1).min() for point in problem.tube.points]
-        far = np.flatnonzero(np.array(away) > reach)
+        distances = [np.linalg.norm(tool - point, axis=1).min() for point in problem.tube.points]
+        far = np.flatnonzero(np.array(distances) > reach)
         if len(far) == 0:
-            return ""
-    return "".join(
-        f"; it passes reference point {problem.tube.numbers[point]} at {away[point]:.3g} "
+            return message
+    return message + "".join(
+        f"; it passes reference point {problem.tube.numbers[point]} at {distances[point]:.3g} "
         "m: the regions beside that point overlap elsewhere"
         for point in far
     )

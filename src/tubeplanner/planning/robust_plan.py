@@ -132,7 +132,21 @@ class _Search:
             self.best = safer
         if self.best is not self._first:
             self._verdict_without = self._judged(self._default, fresh)
-            self._costs = self._split_costs(self._added)
+            # The cost of each part of the tightening [s], parts added in turn.
+            tightening = self.best.tightening
+            parts = [part for part in PARTS if tightening.has(part)]
+            durations, motion = [self._shortest.duration or 0.0], self._shortest.motion
+            for count in range(1, len(parts)):
+                with_part = self._plans.planned(tightening.only(parts[:count]), motion)
+                durations.append(durations[-1] if with_part is None else with_part.duration or 0.0)
+            final = self._plans.planned(tightening, motion) if parts else None
+            durations.append(durations[-1] if final is None else final.duration or 0.0)
+            steps = np.diff(durations)[: len(parts)]
+            whole = float(steps.sum())
+            scale = self._added / whole if whole > 0 else 0.0
+            self._costs = {
+                part: float(scale * step) for part, step in zip(parts, steps, strict=True)
+            }
         if not self.best.survives or self._added > _MAX_COST * self._first.duration:
             plan = self._default if self.best.survives else self.best.result
             assert plan.trajectory is not None
@@ -164,22 +178,6 @@ class _Search:
         if plan is not self._default and worst is not None:
             self._failure = worst.worst.location
         return verdict
-
-    def _split_costs(self, added: float) -> dict[str, float]:
-        """Return the cost of each part of the tightening [s], parts added in turn."""
-        assert self.best is not None
-        tightening = self.best.tightening
-        parts = [part for part in PARTS if tightening.has(part)]
-        durations, motion = [self._shortest.duration or 0.0], self._shortest.motion
-        for count in range(1, len(parts)):
-            plan = self._plans.planned(tightening.only(parts[:count]), motion)
-            durations.append(durations[-1] if plan is None else plan.duration or 0.0)
-        last = self._plans.planned(tightening, motion) if parts else None
-        durations.append(durations[-1] if last is None else last.duration or 0.0)
-        steps = np.diff(durations)[: len(parts)]
-        whole = float(steps.sum())
-        scale = added / whole if whole > 0 else 0.0
-        return {part: float(scale * step) for part, step in zip(parts, steps, strict=True)}
 
     def refusal(self) -> PlanResult | None:
         """Return the refusal of errors that no plan survives; None if the best plan does."""

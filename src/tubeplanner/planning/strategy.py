@@ -215,7 +215,7 @@ def _fastest(
 
         first, *others = sorted((first, *others), key=away)
     quick = replace(options, persistent=False)
-    tried: list[PlanResult] = []
+    results: list[PlanResult] = []
     best: tuple[PlanningProblem, PlanResult] | None = None
     stopped_by: StoppedBy | None = None
 
@@ -236,8 +236,8 @@ def _fastest(
         if least_time(each) >= shortest:
             continue
         # Of the remaining time twice as much as would remain for each further one.
-        left = len(others) + 2 - number
-        limit = 2 * clock.remaining / (left + 1) if np.isfinite(clock.remaining) else None
+        open_count = len(others) + 2 - number
+        limit = 2 * clock.remaining / (open_count + 1) if np.isfinite(clock.remaining) else None
         try:
             with clock.within(f"configurations {number} of {len(others) + 1}"):
                 result = _shortest(each, quick, PlanningClock(limit, clock.announce), last)
@@ -246,7 +246,7 @@ def _fastest(
                 raise
             stopped_by = "interrupt"
             break
-        tried.append(result)
+        results.append(result)
         stopped_by = result.stopped_by or stopped_by
         if (result.duration or np.inf) < shortest * (1 - _EQUAL):
             best = each, result
@@ -255,10 +255,10 @@ def _fastest(
     if best is None and stopped_by is not None:
         return first, stopped_result(clock, stopped_by, options.method)
     if best is None:
-        best = first, tried[0]
-        if options.persistent and tried[0].status not in _SURE:
+        best = first, results[0]
+        if options.persistent and results[0].status not in _SURE:
             best = first, _shortest(first, options, clock, last)
-    result = _of_configurations(problem, best, tried, count)
+    result = _of_configurations(problem, best, results, count)
     return best[0], replace(result, stopped_by=result.stopped_by or stopped_by)
 
 
@@ -270,7 +270,7 @@ _SURE = (PlanStatus.GRAVITY_EXCEEDS_EFFORT,)
 def _of_configurations(
     problem: PlanningProblem,
     best: tuple[PlanningProblem, PlanResult],
-    tried: list[PlanResult],
+    results: list[PlanResult],
     count: int,
 ) -> PlanResult:
     """Return the result of one of several configurations, with what the others led to.
@@ -278,17 +278,17 @@ def _of_configurations(
     Args:
         problem: The problem with poses.
         best: The problem and the result of the configurations that are taken.
-        tried: Of all configurations that were planned.
+        results: Of all configurations that were planned.
         count: The number of configurations that were found.
     """
     configured, result = best
     kinds = zip(("start", "goal"), problem.endpoints, strict=True)
     ends = [name for name, end in kinds if end.pose is not None and end.pose.seed is None]
     whose = "its pose" if len(ends) == 1 else "their poses"
-    number = f"{len(tried)} {'was' if len(tried) == 1 else 'were'}"
+    number = f"{len(results)} {'was' if len(results) == 1 else 'were'}"
     of = f"{' and '.join(ends)}: of {count} configurations found for {whose} {number}"
     if not result.succeeded:
-        starts = sum(each.starts_tried or 1 for each in tried)
+        starts = sum(each.starts_tried or 1 for each in results)
         message = (
             f"{result.message} (in the likeliest configuration); {of} tried, none has an answer"
         )
@@ -297,7 +297,7 @@ def _of_configurations(
         f"[{', '.join(f'{x:.6g}' for x in np.round(getattr(configured, end), 6) + 0.0)}]"
         for end in ends
     )
-    durations = sorted(each.duration for each in tried if each.duration is not None)
+    durations = sorted(each.duration for each in results if each.duration is not None)
     note = f"{of} planned: {values}"
     if len(durations) > 1:
         note += f" is the fastest, {durations[0]:.4f} s, {len(durations) - 1} others take up to "

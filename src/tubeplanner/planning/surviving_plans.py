@@ -43,7 +43,7 @@ class Candidate:
         result: The plan, certified.
         verdict: Verdict of the runs, with enlarged errors.
         shortfall: Expected shortfall of such runs.
-        wanted: Tightening without a shortfall, as far as the problem allows it.
+        target: Tightening without a shortfall, as far as the problem allows it.
         deficit: Largest fraction of a tolerance by which that tightening is not allowed.
         expected: Duration with that tightening, by first-order prices [s].
     """
@@ -52,7 +52,7 @@ class Candidate:
     result: PlanResult
     verdict: RunVerdict
     shortfall: Shortfall
-    wanted: Tightening
+    target: Tightening
     deficit: float
     expected: float
 
@@ -165,15 +165,26 @@ class TightenedPlans:
         requested = replace(tightening, **(sizes | {"clearance": float(sizes["clearance"])}))
         target = self.allowed(requested)
         more = _added_duration(self.problem(tightening), result, tightening, target)
+        # The largest fraction of a tolerance that is requested and not allowed.
+        rotation, tube = problem.tube.rotation, problem.tube
+        whole = {
+            "radius": tube.effective_radius,
+            "rotation": 1.0 if rotation is None else rotation.bounds.min(axis=1),
+            "clearance": tube.effective_radius.min(),
+            "position": 1.0,
+        }
+        fractions = [
+            (getattr(requested, part) - getattr(target, part)) / whole[part] for part in _SIZES
+        ]
+        fractions.append(target.velocity / requested.velocity - 1)
+        deficit = max(float(np.max(each)) for each in fractions)
         candidate = Candidate(
             tightening,
             result,
             run_verdict(runs),
             shortfall,
             target,
-            _deficit(problem, requested, target)
-            + max(shortfall.self_collision, 0.0)
-            + max(shortfall.tool_tracking, 0.0),
+            deficit + max(shortfall.self_collision, 0.0) + max(shortfall.tool_tracking, 0.0),
             (result.duration or 0.0) + more,
         )
         self._simulated.append(candidate)
@@ -189,20 +200,6 @@ class TightenedPlans:
         """
         result = self.planned(tightening, motion)
         return None if result is None else self.simulated(tightening, result, draw)
-
-
-def _deficit(problem: PlanningProblem, requested: Tightening, allowed: Tightening) -> float:
-    """Return the largest fraction of a tolerance that is requested and not allowed."""
-    rotation, tube = problem.tube.rotation, problem.tube
-    whole = {
-        "radius": tube.effective_radius,
-        "rotation": 1.0 if rotation is None else rotation.bounds.min(axis=1),
-        "clearance": tube.effective_radius.min(),
-        "position": 1.0,
-    }
-    deficit = [(getattr(requested, part) - getattr(allowed, part)) / whole[part] for part in _SIZES]
-    deficit.append(allowed.velocity / requested.velocity - 1)
-    return max(float(np.max(fractions)) for fractions in deficit)
 
 
 def _added_duration(
@@ -271,8 +268,31 @@ def surviving_plan(plans: TightenedPlans, default: Candidate) -> Candidate:
     candidate = _best_effort(plans, default)
     best = _refined(plans, candidate)
     if not best.survives or _gains(candidate, best):
-        best = _with_less_effort(plans, candidate, best)
-    return _confirmed(plans, best)
+        # Less effort, where the candidate's radii cost too much.
+        for effort in [each for each in _EFFORTS if each < candidate.tightening.effort][:_MORE]:
+            tightening = replace(candidate.tightening, effort=effort)
+            result = plans.planned(tightening, candidate.result.motion)
+            if result is None or (best.survives and _is_surely_longer(result, best)):
+                break
+            lower = plans.simulated(tightening, result, FEWER)
+            if not best.survives or (lower.deficit <= 0 and _gains(lower, best)):
+                before, best = best, _better(best, _refined(plans, lower))
+                if before.survives and best is before:
+                    break
+    # The shortest plan that many runs survive, or the plan with the fewest failures.
+    rounds = _ROUNDS if best.survives else 0
+    now = best = plans.simulated(best.tightening, best.result, MANY)
+    for _ in range(rounds):
+        if now.survives and not _gains(now, now):
+            break
+        following = plans.tried(_next(plans, now), now.result.motion, MANY)
+        if following is None:
+            break
+        had_survivor, now = best.survives, following
+        best = _better(best, now)
+        if had_survivor and not now.survives:
+            break
+    return best
 
 
 def safer_plan(plans: TightenedPlans, survivor: Candidate, draw: Draw) -> Candidate | None:
@@ -348,45 +368,14 @@ def _refined(plans: TightenedPlans, candidate: Candidate) -> Candidate:
     return best
 
 
-def _with_less_effort(plans: TightenedPlans, candidate: Candidate, best: Candidate) -> Candidate:
-    """Return the best plan with less effort than a candidate, whose radii cost too much."""
-    for effort in [each for each in _EFFORTS if each < candidate.tightening.effort][:_MORE]:
-        tightening = replace(candidate.tightening, effort=effort)
-        result = plans.planned(tightening, candidate.result.motion)
-        if result is None or (best.survives and _is_surely_longer(result, best)):
-            break
-        lower = plans.simulated(tightening, result, FEWER)
-        if not best.survives or (lower.deficit <= 0 and _gains(lower, best)):
-            before, best = best, _better(best, _refined(plans, lower))
-            if before.survives and best is before:
-                break
-    return best
-
-
 def _gains(candidate: Candidate, best: Candidate) -> bool:
     """Return True if a plan's expected duration is worth a round, against the best or itself."""
     return best.duration - candidate.expected > _MIN_GAIN * best.duration
 
 
-def _confirmed(plans: TightenedPlans, refined: Candidate) -> Candidate:
-    """Return the shortest plan that many runs survive, or the plan with the fewest failures."""
-    now = best = plans.simulated(refined.tightening, refined.result, MANY)
-    for _ in range(_ROUNDS if refined.survives else 0):
-        if now.survives and not _gains(now, now):
-            break
-        following = plans.tried(_next(plans, now), now.result.motion, MANY)
-        if following is None:
-            break
-        had_survivor, now = best.survives, following
-        best = _better(best, now)
-        if had_survivor and not now.survives:
-            break
-    return best
-
-
 def _next(plans: TightenedPlans, tried: Candidate, given_back: float = _GIVEN_BACK) -> Tightening:
     """Return the next tightening after a plan: more than its shortfall, less of its slack."""
-    now, target = tried.tightening, tried.wanted
+    now, target = tried.tightening, tried.target
 
     def between(before: FloatArray, after: FloatArray) -> FloatArray:
         change = after - before

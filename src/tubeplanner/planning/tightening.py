@@ -105,7 +105,18 @@ def allowed_tightening(problem: PlanningProblem, asked: Tightening, ends: FloatA
         margin = tube.margin(goal.region.position[None])
         radius[-1] = min(radius[-1], margin[0, -1] - _ROUNDING)
     slack = np.array([ends - limits.lower_position, limits.upper_position - ends]).min(axis=1)
-    distance = _spare_distance(problem, ends) - _ROUNDING
+    # Distances to obstacles at the ends. Pairs in contact do not count: they may stay as near.
+    checker, poses = problem.collision, problem.robot.body_poses(ends)
+    count = len(checker.obstacle_pairs)
+    counts = ~in_contact(problem)[:count]
+    segments = np.array([0, problem.tube.segment_count - 1])[: len(ends)]
+    required = RequiredDistances(problem, ends[0], ends[-1])
+    least = required.at(segments, problem.robot.tool_position(ends))[:, :count]
+    distances = [
+        checker.distances(*pose, checker.obstacle_pairs) for pose in zip(*poses, strict=True)
+    ]
+    spare_distance = float((np.array(distances) - least)[:, counts].min(initial=np.inf))
+    distance = spare_distance - _ROUNDING
     return replace(
         asked,
         radius=radius.clip(min=0),
@@ -142,23 +153,6 @@ def tightened_problem(problem: PlanningProblem, tightening: Tightening) -> Plann
         robot=problem.robot.with_limits(limits, motors),
         tube=narrowed_tube(farther.tube, tightening.radius, tightening.rotation),
     )
-
-
-def _spare_distance(problem: PlanningProblem, ends: FloatArray) -> float:
-    """Return the least slack of distances to obstacles at start and goal [m].
-
-    Pairs in contact do not count: they may stay as near.
-    """
-    checker, poses = problem.collision, problem.robot.body_poses(ends)
-    count = len(checker.obstacle_pairs)
-    counts = ~in_contact(problem)[:count]
-    segments = np.array([0, problem.tube.segment_count - 1])[: len(ends)]
-    required = RequiredDistances(problem, ends[0], ends[-1])
-    least = required.at(segments, problem.robot.tool_position(ends))[:, :count]
-    distances = [
-        checker.distances(*pose, checker.obstacle_pairs) for pose in zip(*poses, strict=True)
-    ]
-    return float((np.array(distances) - least)[:, counts].min(initial=np.inf))
 
 
 _UNITS = {"rotation": "rad", "position": "rad or mm"}
@@ -211,16 +205,25 @@ class Survival:
         """Notes on the cost of survival, by parts, and on the errors to blame."""
         if not self.costs:
             return self._blamed
-        parts = "; ".join(
-            f"{_part_in_words(self.tightening, part)} ({1000 * cost:.1f} ms)"
-            for part, cost in self.costs.items()
-        )
+        parts = []
+        for part, cost in self.costs.items():
+            value = getattr(self.tightening, part)
+            most = f"{1000 * float(np.max(value)):.2g} m{_UNITS.get(part, 'm')}"
+            if part in PARTS[:2]:
+                least = "as little as " * (part == "velocity")
+                words = f"{least}{100 * float(np.min(value)):.3g} % of the {part} limits"
+            elif part == "clearance":
+                words = f"{most} more clearance"
+            else:
+                words = f"up to {most} less {part.replace('position', 'joint range')}"
+            parts.append(f"{words} ({1000 * cost:.1f} ms)")
         percent = 100 * self.added / self.duration_without
         without = f"without robustness the plan takes {self.duration_without:.4f} s"
         if self.verdict_without is not None:
             without += f", and {self.verdict_without}"
         costs = (
-            f"surviving takes {1000 * self.added:.1f} ms more, {percent:.2g} %: {parts}; {without}"
+            f"surviving takes {1000 * self.added:.1f} ms more, {percent:.2g} %: "
+            f"{'; '.join(parts)}; {without}"
         )
         return (costs, *self._blamed)
 
@@ -247,14 +250,3 @@ class Survival:
             "costs": dict(self.costs),
             "blame": None if self.contribution is None else self.contribution.as_dict(),
         }
-
-
-def _part_in_words(tightening: Tightening, part: str) -> str:
-    value = getattr(tightening, part)
-    if part in PARTS[:2]:
-        least = "as little as " * (part == "velocity")
-        return f"{least}{100 * float(np.min(value)):.3g} % of the {part} limits"
-    most = f"{1000 * float(np.max(value)):.2g} m{_UNITS.get(part, 'm')}"
-    if part == "clearance":
-        return f"{most} more clearance"
-    return f"up to {most} less {part.replace('position', 'joint range')}"

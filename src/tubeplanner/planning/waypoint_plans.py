@@ -160,7 +160,24 @@ def searched_plan(
     has_answer = corners.result.succeeded or (search is not None and search.best is not None)
     if stopped_by == "interrupt" and not has_answer:
         return stopped_result(clock, stopped_by, BRANCH_AND_BOUND)
-    return _better(problem, replace(corners.result, stopped_by=stopped_by), search, options)
+    result = corners.result
+    if search is not None and search.best is not None and search.certificate is not None:
+        result = judged_result(
+            problem, search.best, search.certificate, search.certificate_time, BRANCH_AND_BOUND
+        )
+    elif stopped_by == "time_limit" and not result.succeeded:
+        message = "the time limit passed before a trajectory was found"
+        result = PlanResult(PlanStatus.TIME_LIMIT, message, Location(), BRANCH_AND_BOUND)
+    elif stopped_by is None and result.succeeded:
+        message = f"{result.message}; branch and bound found nothing faster"
+        result = replace(result, message=message)
+    result = replace(result, stopped_by=stopped_by)
+    if search is None:
+        return result
+    if search.statistics.budget_reached:
+        message = f"{result.message}; the search ended at its budget of {options.node_budget} nodes"
+        result = replace(result, message=message)
+    return replace(result, search=search.statistics)
 
 
 def run_search(
@@ -183,33 +200,6 @@ def run_search(
             clock.announce(Progress("branch and bound", now.nodes, now.lower_bound, best))
 
     return until_stopped(work)[1]
-
-
-def _better(
-    problem: PlanningProblem,
-    corners: PlanResult,
-    search: BranchAndBound | None,
-    options: PlanOptions,
-) -> PlanResult:
-    """Return the search's answer, or the result of stops at corners, with search statistics."""
-    result, stopped_by = corners, corners.stopped_by
-    if search is not None and search.best is not None and search.certificate is not None:
-        result = judged_result(
-            problem, search.best, search.certificate, search.certificate_time, BRANCH_AND_BOUND
-        )
-    elif stopped_by == "time_limit" and not corners.succeeded:
-        message = "the time limit passed before a trajectory was found"
-        result = PlanResult(PlanStatus.TIME_LIMIT, message, Location(), BRANCH_AND_BOUND)
-    elif stopped_by is None and corners.succeeded:
-        message = f"{result.message}; branch and bound found nothing faster"
-        result = replace(result, message=message)
-    result = replace(result, stopped_by=stopped_by)
-    if search is None:
-        return result
-    if search.statistics.budget_reached:
-        message = f"{result.message}; the search ended at its budget of {options.node_budget} nodes"
-        result = replace(result, message=message)
-    return replace(result, search=search.statistics)
 
 
 # ---- Planning by the method of Suh & Bishop (1988): both phases and no other method.
@@ -259,7 +249,17 @@ def _along(
         return stopped_result(clock, stopped_by, SUH_BISHOP)
     if search.best is None or search.certificate is None:
         _require_held(problem, waypoints)
-        result = _nothing_found(search, options, stopped_by)
+        if stopped_by == "time_limit":
+            message = "the time limit passed before phase 1 found a trajectory"
+            result = PlanResult(PlanStatus.TIME_LIMIT, message, Location(), SUH_BISHOP)
+        else:
+            message = (
+                f"phase 1 found no certified trajectory through {options.candidate_points} points "
+                f"of the reference path ({search.statistics}); another number of candidate points, "
+                "or a wider tube, may have one"
+            )
+            reason = Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
+            result = refused_result(reason, SUH_BISHOP)
         return replace(result, search=search.statistics, stopped_by=stopped_by)
     knots = waypoints[list(search.best_waypoints)]
     candidate = KnotTrajectory(knots, sequential_quartics, search.best)
@@ -298,18 +298,3 @@ def _require_held(problem: PlanningProblem, waypoints: FloatArray) -> None:
     rows = [np.diff(waypoints, axis=0), waypoints[:-1]]
     lines = JointTrajectory(problem.robot.joint_names, np.arange(len(waypoints)), rows)
     scaled_to_limits(problem, lines)
-
-
-def _nothing_found(
-    search: BranchAndBound, options: PlanOptions, stopped_by: StoppedBy | None
-) -> PlanResult:
-    """Return the result that phase 1 ended without a trajectory."""
-    if stopped_by == "time_limit":
-        message = "the time limit passed before phase 1 found a trajectory"
-        return PlanResult(PlanStatus.TIME_LIMIT, message, Location(), SUH_BISHOP)
-    message = (
-        f"phase 1 found no certified trajectory through {options.candidate_points} points of the "
-        f"reference path ({search.statistics}); another number of candidate points, or a wider "
-        "tube, may have one"
-    )
-    return refused_result(Infeasible(PlanStatus.NO_TRAJECTORY, message, Location()), SUH_BISHOP)

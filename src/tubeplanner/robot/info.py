@@ -66,7 +66,17 @@ def likely_tool_frame(description: UrdfDescription) -> str:
     longest = max(leaves, key=lambda link: len(description.chain(link)))
     if not description.chain(longest):
         raise RobotError(f"{description.path}: no joint can move; there is nothing to plan")
-    end = _above_fingers(description, longest)
+    # The link nearest the root, on the chain, where fingers part.
+    by_child = {joint.child: joint for joint in description.joints.values()}
+    below, link, end = 0, longest, longest
+    total = len(description.chain(longest))
+    while link in by_child:
+        joint = by_child[link]
+        below += joint.type in MOVABLE_TYPES
+        link = joint.parent
+        branches = [own for own in _children(description, link) if _moves(description, own)]
+        if len(branches) > 1 and 0 < below < total - below:
+            end = link
     depths = dict(_fixed_links(description, end, 0))
     max_depth = max(depths.values())
     deepest = [link for link, depth in depths.items() if depth == max_depth]
@@ -75,21 +85,6 @@ def likely_tool_frame(description: UrdfDescription) -> str:
         if element.find("collision") is None and element.find("inertial") is None:
             return link
     return deepest[0]
-
-
-def _above_fingers(description: UrdfDescription, tip: str) -> str:
-    """Return the link nearest the root, on the chain to a tip, where fingers part; else the tip."""
-    by_child = {joint.child: joint for joint in description.joints.values()}
-    below, link, end = 0, tip, tip
-    total = len(description.chain(tip))
-    while link in by_child:
-        joint = by_child[link]
-        below += joint.type in MOVABLE_TYPES
-        link = joint.parent
-        branches = [own for own in _children(description, link) if _moves(description, own)]
-        if len(branches) > 1 and 0 < below < total - below:
-            end = link
-    return end
 
 
 def _children(description: UrdfDescription, link: str) -> list[str]:
@@ -221,7 +216,22 @@ def joint_infos(
     Raises:
         RobotError: A layer is wrong, for example names an unknown joint.
     """
-    all_layers = [_default_layer(description, group), *layers]
+    # Limits for the gaps of a URDF, below all layers.
+    joints = [description.joints[name] for name in group]
+    endless: dict[str, dict[str, float]] = {
+        quantity: {j.name: np.inf for j in joints if not 0 < (getattr(j, quantity) or 0.0) < np.inf}
+        for quantity in (*_REQUIRED, "acceleration", "jerk")
+    }
+    ranges = {}
+    for joint in joints:
+        is_endless = not np.isfinite([joint.lower, joint.upper]).all()
+        if not joint.lower < joint.upper or (joint.type == "prismatic" and is_endless):
+            ranges[joint.name] = _STAND_IN_RANGE[joint.type]
+    rates = dict.fromkeys(endless["acceleration"], _STAND_IN_RATE)
+    overrides = LimitOverrides(
+        endless["effort"], endless["velocity"], ranges, rates, jerk=endless["jerk"]
+    )
+    all_layers = [LimitLayer("stand-in ", overrides, source=NOWHERE), *layers]
     limits = resolve_limits(description, group, all_layers)
     merged = merged_limits(description, group, followers_of(description, group), all_layers)
     motors = _motors(description, group, layers)
@@ -238,25 +248,6 @@ def joint_infos(
         }
         infos.append(JointInfo(name, joint.type, joint.parent, joint.child, sourced, motors[name]))
     return tuple(infos), limits
-
-
-def _default_layer(description: UrdfDescription, group: Sequence[str]) -> LimitLayer:
-    """Return limits for the gaps of a URDF, to be put below all layers."""
-    joints = [description.joints[name] for name in group]
-    endless: dict[str, dict[str, float]] = {
-        quantity: {j.name: np.inf for j in joints if not 0 < (getattr(j, quantity) or 0.0) < np.inf}
-        for quantity in (*_REQUIRED, "acceleration", "jerk")
-    }
-    ranges = {}
-    for joint in joints:
-        is_endless = not np.isfinite([joint.lower, joint.upper]).all()
-        if not joint.lower < joint.upper or (joint.type == "prismatic" and is_endless):
-            ranges[joint.name] = _STAND_IN_RANGE[joint.type]
-    rates = dict.fromkeys(endless["acceleration"], _STAND_IN_RATE)
-    overrides = LimitOverrides(
-        endless["effort"], endless["velocity"], ranges, rates, jerk=endless["jerk"]
-    )
-    return LimitLayer("stand-in ", overrides, source=NOWHERE)
 
 
 def _sourced(

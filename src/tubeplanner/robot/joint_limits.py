@@ -133,9 +133,13 @@ def resolve_limits(
     values["effort_rate"] = [effort_rates.get(name, np.inf) for name in joint_names]
     for name, rule in followers.items():
         column = list(joint_names).index(rule.master)
-        _bound_by_follower(description.joints[name], rule, overrides, positions[column])
-        for quantity, bound in _rates_of(description.joints[name], overrides).items():
-            values[quantity][column] = min(values[quantity][column], bound / abs(rule.multiplier))
+        follower = description.joints[name]
+        _bound_by_follower(follower, rule, overrides, positions[column])
+        for quantity in ("velocity", *_OPTIONAL):
+            bound = overrides[quantity].get(name, getattr(follower, quantity))
+            if name in overrides[quantity] or (bound is not None and 0 < bound < np.inf):
+                bound /= abs(rule.multiplier)
+                values[quantity][column] = min(values[quantity][column], bound)
     scaled = {
         quantity: read_only(np.array(row) * merged.scale.get(quantity, 1.0))
         for quantity, row in values.items()
@@ -226,16 +230,6 @@ def _bound_by_follower(
         raise RobotError(
             f"{where}, slides without end; give finite limits in robot.limits.position"
         )
-
-
-def _rates_of(follower: UrdfJoint, overrides: _Overrides) -> dict[str, float]:
-    """Return the velocity, acceleration and jerk limits of a follower, by quantity."""
-    rates = {}
-    for quantity in ("velocity", *_OPTIONAL):
-        value = overrides[quantity].get(follower.name, getattr(follower, quantity))
-        if follower.name in overrides[quantity] or (value is not None and 0 < value < np.inf):
-            rates[quantity] = value
-    return rates
 
 
 def _require_bounded_speed(joint_names: Sequence[str], limits: Mapping[str, FloatArray]) -> None:

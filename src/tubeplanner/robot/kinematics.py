@@ -244,7 +244,13 @@ class BodyChain:
         shape = (len(q), len(self.parents))
         rotation, position = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
         rotation[:, 0], position[:, 0] = np.eye(3), 0.0
-        local_rotation, local_position = self._in_parents(q)
+        # Of the bodies in their parents. Rodrigues: R = R0 (I + sin(q) K + (1 - cos(q)) K^2), K the
+        # axis's cross-product matrix.
+        across, twice, along = self._by_joint
+        angle, travel = np.where(self.is_revolute, q, 0.0), np.where(self.is_revolute, 0.0, q)
+        sine, versine = np.sin(angle)[..., None, None], 1 - np.cos(angle)[..., None, None]
+        local_rotation = self.rotation[1:] + sine * across + versine * twice
+        local_position = self.position[1:] + travel[..., None] * along
         for body, parent in enumerate(self.parents.tolist()):
             if body > 0:
                 carrier = rotation[:, parent]
@@ -290,15 +296,6 @@ class BodyChain:
     def _own_table(self) -> FloatArray:
         joints = np.arange(len(self.is_revolute))
         return self.joint_table(joints, np.ones(len(joints)), np.zeros(len(joints)))
-
-    def _in_parents(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rotations (N, M, 3, 3) and origins (N, M, 3) of bodies in their parents."""
-        across, twice, along = self._by_joint
-        angle, travel = np.where(self.is_revolute, q, 0.0), np.where(self.is_revolute, 0.0, q)
-        sine, versine = np.sin(angle)[..., None, None], 1 - np.cos(angle)[..., None, None]
-        # Rodrigues: R = R0 (I + sin(q) K + (1 - cos(q)) K^2), K the axis's cross-product matrix.
-        rotation = self.rotation[1:] + sine * across + versine * twice
-        return rotation, self.position[1:] + travel[..., None] * along
 
     @cached_property
     def _by_joint(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -422,7 +419,16 @@ class ToolChain:
         if LIBRARY.functions is not None:
             return native_last_jacobians(self.joint_table, q)
         if len(q) >= _MANY:
-            return self._jacobians_of_many(q)
+            rotation, position = self.chain.poses(self.joints.positions(q))
+            tool_rotation, tool = self._of_bodies(rotation, position)
+            carried = self.carries[self.model.frames[self.frame].parentJoint]
+            axis = (rotation[:, 1:] @ self.chain.axes[:, :, None])[..., 0] * carried[:, None]
+            is_revolute = self.joints.is_revolute[:, None]
+            linear = np.where(
+                is_revolute, cross_product(axis, tool[:, None] - position[:, 1:]), axis
+            )
+            columns = np.concatenate([linear, np.where(is_revolute, axis, 0.0)], axis=2)
+            return tool_rotation, tool, self.joints.collected(columns.swapaxes(1, 2))
         return frame_jacobian(self.model, self.scratch.data, self.joints, self.frame, q)
 
     @cached_property
@@ -442,16 +448,6 @@ class ToolChain:
         carrier = rotation[:, tool.parentJoint]
         point = carrier @ tool.placement.translation + position[:, tool.parentJoint]
         return carrier @ tool.placement.rotation, point
-
-    def _jacobians_of_many(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        rotation, position = self.chain.poses(self.joints.positions(q))
-        tool_rotation, tool = self._of_bodies(rotation, position)
-        carried = self.carries[self.model.frames[self.frame].parentJoint]
-        axis = (rotation[:, 1:] @ self.chain.axes[:, :, None])[..., 0] * carried[:, None]
-        is_revolute = self.joints.is_revolute[:, None]
-        linear = np.where(is_revolute, cross_product(axis, tool[:, None] - position[:, 1:]), axis)
-        columns = np.concatenate([linear, np.where(is_revolute, axis, 0.0)], axis=2)
-        return tool_rotation, tool, self.joints.collected(columns.swapaxes(1, 2))
 
 
 def cross_product(first: FloatArray, second: FloatArray) -> FloatArray:

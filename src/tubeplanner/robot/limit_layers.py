@@ -132,14 +132,22 @@ def merged_limits(
     by_joint: dict[str, dict[str, Any]] = {quantity: {} for quantity in PER_JOINT}
     sources: dict[str, dict[str, str]] = {quantity: {} for quantity in PER_JOINT}
     for layer in layers:
-        _require_fitting(description, layer, chain)
+        if layer.joint_count not in (None, len(chain)):
+            raise RobotError(
+                f"{layer.label}limits and motors are for {layer.joint_count} joints; the planning "
+                f"group has {len(chain)}: {', '.join(chain)}"
+            )
+        for point in layer.limits.point_speed:
+            if point.link not in description.links:
+                message = unknown_name("link", point.link, description.links)
+                raise RobotError(f"{layer.label}limits.point_speed: {message}")
         maps = [getattr(layer.limits, each) for each in PER_JOINT] if layer.skips_others else []
-        named = {name for given in maps if isinstance(given, Mapping) for name in given}
-        known = [*joint_names, *followers]
-        if named and named.isdisjoint(known):
+        named = {name for values in maps if isinstance(values, Mapping) for name in values}
+        joints = [*joint_names, *followers]
+        if named and named.isdisjoint(joints):
             raise RobotError(
                 f"{layer.label}limits name no joint of the planning group, which has: "
-                f"{', '.join(known)}; they name {', '.join(sorted(named))}"
+                f"{', '.join(joints)}; they name {', '.join(sorted(named))}"
             )
         for quantity, merged in by_joint.items():
             where = f"{layer.label}limits.{quantity}"
@@ -209,19 +217,6 @@ def chain_order(description: UrdfDescription, joint_names: Sequence[str]) -> lis
     """Return joints in chain order: by the number of movable joints from the root to each."""
     joints = description.joints
     return sorted(joint_names, key=lambda name: len(description.chain(joints[name].child)))
-
-
-def _require_fitting(description: UrdfDescription, layer: LimitLayer, chain: Sequence[str]) -> None:
-    """Raise RobotError if a layer is for another number of joints, or names an unknown link."""
-    if layer.joint_count not in (None, len(chain)):
-        raise RobotError(
-            f"{layer.label}limits and motors are for {layer.joint_count} joints; the planning "
-            f"group has {len(chain)}: {', '.join(chain)}"
-        )
-    for point in layer.limits.point_speed:
-        if point.link not in description.links:
-            message = unknown_name("link", point.link, description.links)
-            raise RobotError(f"{layer.label}limits.point_speed: {message}")
 
 
 def _require_known(where: str, values: Mapping[str, Any], known: Sequence[str]) -> None:

@@ -521,13 +521,7 @@ def effort_rate(
 
 
 def gravity_effort_rate(robot: RobotModel, q: FloatArray, v: FloatArray) -> FloatArray:
-    """Return the rate of the efforts against gravity, shape (N, n) [N m/s or N/s], exact.
-
-    Args:
-        robot: The arm.
-        q: Configurations, shape (N, n) [rad or m].
-        v: Velocities, shape (N, n).
-    """
+    """Return the rate of the efforts against gravity, as `effort_rate`."""
     still = np.zeros_like(q)
     if not robot.gravity.any():
         return still
@@ -539,18 +533,11 @@ def gravity_effort_rate(robot: RobotModel, q: FloatArray, v: FloatArray) -> Floa
 def effort_rate_derivatives(
     robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray, jerk: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the derivatives of d tau / dt by q, v, a and jerk, each (N, effort joint, n).
+    """Return the derivatives of `effort_rate` by q, v, a and jerk, each (N, effort joint, n).
 
     The time derivatives of by_q, by_v and by_a are central differences along the motion, which cost
     two evaluations for any number of joints. The derivatives by v, a and jerk add by_q, by_v and
     by_a themselves, as means of both evaluations.
-
-    Args:
-        robot: The arm.
-        q: Configurations, shape (N, n) [rad or m].
-        v: Velocities, shape (N, n).
-        a: Accelerations, shape (N, n).
-        jerk: Shape (N, n).
     """
     pace = [abs(rate).max(axis=1) ** (1 / k) for k, rate in enumerate((v, a, jerk), start=1)]
     fastest = np.sum(pace, axis=0)[:, None]  # [1/s]

@@ -172,7 +172,14 @@ def resolve_motors(
     backwards, forwards = _replaced(both_ways, names, values["coulomb_friction"])
     no_line = np.full(len(names), np.inf)
     stall, no_load = (_replaced(no_line, names, values[end]) for end in CURVE)
-    _require_whole_lines(names, stall, no_load)
+    for name, *ends in zip(names, stall, no_load, strict=True):
+        is_finite = np.isfinite(ends)
+        if is_finite.any() and not is_finite.all():
+            has, lacks = np.array(CURVE)[np.argsort(~is_finite)]
+            raise RobotError(
+                f"robot.motors: joint '{name}' has {has} {min(ends):g} and no {lacks}; a "
+                f"torque-speed line needs both: give robot.motors.{lacks}, or .inf as {has}"
+            )
     return JointMotors(
         _replaced(np.zeros(len(names)), names, values["armature"]),
         _replaced(viscous, names, values["viscous_friction"]),
@@ -193,16 +200,3 @@ def _replaced(
         if name in values:
             result[..., column] = values[name]
     return result
-
-
-def _require_whole_lines(
-    joint_names: Sequence[str], stall: FloatArray, no_load: FloatArray
-) -> None:
-    for name, *ends in zip(joint_names, stall, no_load, strict=True):
-        is_finite = np.isfinite(ends)
-        if is_finite.any() and not is_finite.all():
-            has, lacks = np.array(CURVE)[np.argsort(~is_finite)]
-            raise RobotError(
-                f"robot.motors: joint '{name}' has {has} {min(ends):g} and no {lacks}; a "
-                f"torque-speed line needs both: give robot.motors.{lacks}, or .inf as {has}"
-            )

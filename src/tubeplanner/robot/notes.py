@@ -340,7 +340,15 @@ def implausible_values(robot: RobotModel, extents: Mapping[str, Extent]) -> tupl
         robot: The arm.
         extents: Of its links, of obstacles and of attached solids, by label: "link 'upper'".
     """
-    joints = list(_values_of_joints(robot))
+    joints: list[Value] = []
+    limits = robot.limits
+    for k, name in enumerate(robot.joint_names):
+        lower, upper = limits.lower_position[k], limits.upper_position[k]
+        kind = "turning" if robot.revolute[k] else "sliding"
+        if np.isfinite([lower, upper]).all():
+            joints.append(Value(kind, name, float(max(upper - lower, -lower, upper))))
+        if np.isfinite(limits.velocity[k]):
+            joints.append(Value(f"{kind} speed", name, float(limits.velocity[k])))
     # The distances between the joints from the root to the tool frame.
     length, link = 0.0, robot.tool_frame
     by_child = {joint.child: joint for joint in robot.urdf.joints.values()}
@@ -349,45 +357,33 @@ def implausible_values(robot: RobotModel, extents: Mapping[str, Extent]) -> tupl
         link = by_child[link].parent
     travel = sum(each.value for each in joints if each.key == "sliding")
     reach = max(length + travel, _MIN_REACH)
+    # The angles of the origins of joints, collision geometry and inertias.
+    description = robot.urdf
+    angles: list[Value] = []
+    elements = [(f"joint '{name}'", description.joint_element(name)) for name in description.joints]
+    for link in description.links:
+        for tag in ("inertial", "collision"):
+            tagged = description.link_element(link).findall(tag)
+            elements += [(f"<{tag}> of link '{link}'", element) for element in tagged]
+    for owner, element in elements:
+        origin = element.find("origin")
+        if origin is not None and origin.get("rpy") is not None:
+            largest = float(abs(read_numbers(owner, origin, "rpy", 3)).max())
+            angles.append(Value("angle", owner, largest))
     values = [
         *joints,
         Value("length", robot.name, length),
-        *_values_of_origins(robot),
+        *angles,
         *_values_of_solids(robot, extents, reach),
         *_values_of_inertias(robot, extents, reach),
     ]
-    moved = robot.joint_moves_body[robot.link_body[robot.tool_frame]]
-    idle = [robot.joint_names[k] for k in np.flatnonzero(~moved)]
+    moves_tool = robot.joint_moves_body[robot.link_body[robot.tool_frame]]
+    idle = [robot.joint_names[k] for k in np.flatnonzero(~moves_tool)]
     idle_note = (
         f"planned, but not moving tool_frame '{robot.tool_frame}': {', '.join(idle)}; the tube is "
         "of the tool: leave what does not move it out of robot.joints"
     )
     return (*doubts(values), *[idle_note][: len(idle)])
-
-
-def _values_of_joints(robot: RobotModel) -> Iterator[Value]:
-    limits = robot.limits
-    for k, name in enumerate(robot.joint_names):
-        lower, upper = limits.lower_position[k], limits.upper_position[k]
-        kind = "turning" if robot.revolute[k] else "sliding"
-        if np.isfinite([lower, upper]).all():
-            yield Value(kind, name, float(max(upper - lower, -lower, upper)))
-        if np.isfinite(limits.velocity[k]):
-            yield Value(f"{kind} speed", name, float(limits.velocity[k]))
-
-
-def _values_of_origins(robot: RobotModel) -> Iterator[Value]:
-    """Yield the angles of the origins of joints, collision geometry and inertias."""
-    description = robot.urdf
-    elements = [(f"joint '{name}'", description.joint_element(name)) for name in description.joints]
-    for link in description.links:
-        for tag in ("inertial", "collision"):
-            found = description.link_element(link).findall(tag)
-            elements += [(f"<{tag}> of link '{link}'", element) for element in found]
-    for owner, element in elements:
-        origin = element.find("origin")
-        if origin is not None and origin.get("rpy") is not None:
-            yield Value("angle", owner, float(abs(read_numbers(owner, origin, "rpy", 3)).max()))
 
 
 def _xyz(element: Element) -> FloatArray:
@@ -436,7 +432,12 @@ def _values_of_inertias(
         gyration = np.sqrt(max(moments[2], 0.0) / mass) if mass >= _MIN_MASS else 0.0
         if gyration > _MIN_GYRATION:
             others = moments[0] + moments[1]
-            if moments[2] - others > max(_MOMENT_ERROR * moments[2], _rounding(inertial)):
+            # The error of a sum of three moments by the digits written [kg m^2].
+            inertia = read_child("inertial", inertial, "inertia")
+            texts = [inertia.get(key, "0").strip() for key in INERTIA[:3]]
+            decimals = max(int(Decimal(text).as_tuple().exponent) for text in texts)
+            rounding = min(1.5 * 10.0**decimals, _MAX_ROUNDING)
+            if moments[2] - others > max(_MOMENT_ERROR * moments[2], rounding):
                 ratio = moments[2] / others if others > 0 else np.inf
                 named = ", ".join(f"{moment:.3g}" for moment in moments)
                 yield Value("moment", owner, ratio, f"{named} kg m^2, the largest ")
@@ -451,13 +452,6 @@ def _values_of_inertias(
         away = float(np.linalg.norm(outside)) if mass >= _MIN_MASS else 0.0
         yield Value("gyration", owner, gyration / size, f"{gyration:.3g} m, ")
         yield Value("centre", owner, away / size, f"{away:.3g} m, ")
-
-
-def _rounding(inertial: Element) -> float:
-    """Return the error of a sum of three moments by the digits written [kg m^2]."""
-    inertia = read_child("inertial", inertial, "inertia")
-    digits = [Decimal(inertia.get(key, "0").strip()).as_tuple().exponent for key in INERTIA[:3]]
-    return min(1.5 * 10.0 ** max(map(int, digits)), _MAX_ROUNDING)
 
 
 _ANGLES = {"rpy": "angle", "rotation_tolerance": "tolerance"}

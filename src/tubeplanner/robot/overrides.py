@@ -124,7 +124,18 @@ class LimitOverrides:
             is_pair = isinstance(range_, list | tuple | np.ndarray) and len(range_) == 2
             if not is_pair or not all(is_number(bound) for bound in range_):
                 raise RobotError(f"{where} {shown(range_)}; give [lower, upper]")
-        _require_scale(self.scale)
+        if not isinstance(self.scale, Mapping):
+            raise RobotError(
+                f"robot.limits.scale is {shown(self.scale)}; it must be a map by name, such as "
+                "{'effort': 0.5}"
+            )
+        for name, factor in self.scale.items():
+            if name not in SCALABLE:
+                raise RobotError(f"robot.limits.scale: {unknown_name('quantity', name, SCALABLE)}")
+            if not is_number(factor) or not 0 < factor <= 1:
+                raise RobotError(
+                    f"robot.limits.scale: {name} at {in_figures(factor)} must be in (0, 1]"
+                )
         points = self.point_speed
         if not isinstance(points, list | tuple) or not all(
             isinstance(point, PointSpeed) for point in points
@@ -146,21 +157,6 @@ class LimitOverrides:
         """
         takes_number = quantity in _NUMBERS
         return values_by_name(where, getattr(self, quantity), chain, takes_number=takes_number)
-
-
-def _require_scale(scale: Any) -> None:
-    if not isinstance(scale, Mapping):
-        raise RobotError(
-            f"robot.limits.scale is {shown(scale)}; it must be a map by name, such as "
-            "{'effort': 0.5}"
-        )
-    for name, factor in scale.items():
-        if name not in SCALABLE:
-            raise RobotError(f"robot.limits.scale: {unknown_name('quantity', name, SCALABLE)}")
-        if not is_number(factor) or not 0 < factor <= 1:
-            raise RobotError(
-                f"robot.limits.scale: {name} at {in_figures(factor)} must be in (0, 1]"
-            )
 
 
 # A single number serves for all joints.
@@ -223,16 +219,7 @@ class MotorOverrides:
             )
 
     def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:
-        """Return the values of one quantity by joint name.
-
-        Args:
-            quantity: An entry of `MOTOR_QUANTITIES`.
-            chain: The joints of the planning group, in chain order.
-            where: Label of the quantity in messages.
-
-        Raises:
-            RobotError: A list has another number of values than there are joints.
-        """
+        """Return the values of one of `MOTOR_QUANTITIES`, as `LimitOverrides.by_name`."""
         return values_by_name(where, getattr(self, quantity), chain)
 
 

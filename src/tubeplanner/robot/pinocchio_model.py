@@ -279,7 +279,14 @@ def build_model(
     """
     model = _reduced_model(description, group, locked_joints)
     if base is not None:
-        _move_root(model, base)
+        # The root link, and all bodies with it, move to their poses in the base frame.
+        pose = pin.SE3(base.placement)
+        for joint in range(1, model.njoints):
+            if model.parents[joint] == 0:
+                model.jointPlacements[joint] = pose * model.jointPlacements[joint]
+        for frame in list(model.frames)[1:]:  # the first is the base frame itself
+            if frame.parentJoint == 0:
+                frame.placement = pose * frame.placement
     model.gravity = pin.Motion(np.array(gravity, dtype=float), np.zeros(3))
     if payload is not None:
         tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
@@ -300,7 +307,17 @@ def _reduced_model(
     description: UrdfDescription, group: Sequence[str], locked: Mapping[str, float]
 ) -> pin.Model:
     """Return the Pinocchio model of a group and its followers, all other joints locked."""
-    full = _parse(description)
+    with _captured_c_stderr() as log:
+        try:
+            full = pin.buildModelFromXML(description.kinematic_xml())
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            raise RobotError(f"{description.path}: Pinocchio rejects it: {reason}") from error
+        finally:
+            log.seek(0)
+            output = " ".join(log.read().decode(errors="replace").split())
+    if "Error" in output:
+        raise RobotError(f"{description.path}: Pinocchio rejects it: {output}")
     followers = followers_of(description, group)
     outside = [n for n in description.movable() if n not in group and n not in followers]
     for name in locked:
@@ -318,22 +335,6 @@ def _reduced_model(
     for name, index in zip(outside, ids, strict=True):
         q[full.joints[index].idx_q] = locked_value(description, name, group, locked)
     return pin.buildReducedModel(full, ids, q)
-
-
-def _parse(description: UrdfDescription) -> pin.Model:
-    """Return the whole robot as a Pinocchio model; its C++ errors become RobotError."""
-    with _captured_c_stderr() as log:
-        try:
-            model = pin.buildModelFromXML(description.kinematic_xml())
-        except ValueError as error:
-            reason = " ".join(str(error).split())
-            raise RobotError(f"{description.path}: Pinocchio rejects it: {reason}") from error
-        finally:
-            log.seek(0)
-            output = " ".join(log.read().decode(errors="replace").split())
-    if "Error" in output:
-        raise RobotError(f"{description.path}: Pinocchio rejects it: {output}")
-    return model
 
 
 @contextmanager
@@ -393,17 +394,6 @@ def _free_value(joint: UrdfJoint, locked: Mapping[str, float]) -> float:
             f"[{joint.lower:g}, {joint.upper:g}]"
         )
     return value
-
-
-def _move_root(model: pin.Model, base: BasePose) -> None:
-    """Move the root link of a model, and all bodies with it, to a pose in the base frame."""
-    pose = pin.SE3(base.placement)
-    for joint in range(1, model.njoints):
-        if model.parents[joint] == 0:
-            model.jointPlacements[joint] = pose * model.jointPlacements[joint]
-    for frame in list(model.frames)[1:]:  # the first is the base frame itself
-        if frame.parentJoint == 0:
-            frame.placement = pose * frame.placement
 
 
 # ---- A Pinocchio model: frames, bodies, efforts.

@@ -12,7 +12,6 @@ from functools import cached_property
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from tubeplanner.documents import DocumentError, read_bytes, require_regular
 from tubeplanner.errors import RobotError, not_installed, shown, unknown_name
@@ -71,17 +70,12 @@ def expanded(
     folders = [
         [each[0], str(each[1])] if isinstance(each, tuple) else str(each) for each in package_dirs
     ]
-    request = {"path": str(path), "arguments": dict(arguments), "package_dirs": folders}
-    answer = _answer(path, request | {"uses_all": uses_all})
-    if "fault" in answer:
-        raise RobotError(answer["fault"])
-    xml = answer["xml"].encode()
-    if len(xml) > _MAX_BYTES:
-        raise RobotError(f"{path}: what it stands for is larger than {_MAX_BYTES / 1e6:g} MB")
-    return bytes(xml)
-
-
-def _answer(path: Path, request: Mapping[str, Any]) -> dict[str, str]:
+    request = {
+        "path": str(path),
+        "arguments": dict(arguments),
+        "package_dirs": folders,
+        "uses_all": uses_all,
+    }
     remedy = "simplify it, or expand it yourself and name the URDF"
     try:
         process = subprocess.run(
@@ -97,7 +91,12 @@ def _answer(path: Path, request: Mapping[str, Any]) -> dict[str, str]:
         ) from None
     except ValueError:
         raise RobotError(f"{path}: xacro ended without an answer; {remedy}") from None
-    return answer
+    if "fault" in answer:
+        raise RobotError(answer["fault"])
+    xml = answer["xml"].encode()
+    if len(xml) > _MAX_BYTES:
+        raise RobotError(f"{path}: what it stands for is larger than {_MAX_BYTES / 1e6:g} MB")
+    return bytes(xml)
 
 
 # ---- The process in which the package xacro expands a macro file, as `ros2 run xacro` does.
@@ -148,7 +147,12 @@ def _expanded(
         included = f" (in {files[-1]})" if files and files[-1] != str(path) else ""
         reason = f"{_reason(error)}{included}"
         if "Undefined substitution argument" in reason:
-            names = ", ".join(_argument_names(path)) or "none"
+            arguments_of_file: list[str] = []  # none if the file is no XML
+            with suppress(ElementTree.ParseError, OSError):
+                every = ElementTree.parse(path).iter()
+                elements = [each for each in every if str(each.tag).endswith(f"{_NAMESPACE}}}arg")]
+                arguments_of_file = [str(element.get("name")) for element in elements]
+            names = ", ".join(dict.fromkeys(arguments_of_file)) or "none"
             reason += f"; give it in robot.xacro_args or by --xacro-arg (its <xacro:arg>: {names})"
         raise RobotError(f"{path}: xacro cannot expand it: {reason}") from None
     unused = [name for name in arguments if name not in mappings.requested]
@@ -156,15 +160,6 @@ def _expanded(
         message = unknown_name("argument", unused[0], sorted(mappings.requested))
         raise RobotError(f"{path}: robot.xacro_args: {message}")
     return expanded
-
-
-def _argument_names(path: Path) -> list[str]:
-    """Return the names of the <xacro:arg> of a file; none if the file is no XML."""
-    with suppress(ElementTree.ParseError, OSError):
-        every = ElementTree.parse(path).iter()
-        elements = [each for each in every if str(each.tag).endswith(f"{_NAMESPACE}}}arg")]
-        return list(dict.fromkeys(str(element.get("name")) for element in elements))
-    return []
 
 
 class _Arguments(dict[str, str]):
@@ -251,7 +246,7 @@ class Srdf:
         Raises:
             RobotError: An entry lacks a link.
         """
-        known = set(links)
+        names = set(links)
         checked = {frozenset(pair) for pair in self._pairs[_ENABLED]}
         default = [
             (link, other)
@@ -259,7 +254,7 @@ class Srdf:
             for other in links
             if other != link and frozenset((link, other)) not in checked
         ]
-        pairs = [pair for pair in (*self._pairs[_DISABLED], *default) if known.issuperset(pair)]
+        pairs = [pair for pair in (*self._pairs[_DISABLED], *default) if names.issuperset(pair)]
         return list({frozenset(pair): pair for pair in reversed(pairs)}.values())[::-1]
 
     @cached_property
@@ -276,8 +271,8 @@ class Srdf:
         paired = (link for pairs in self._pairs.values() for pair in pairs for link in pair)
         named = [*self._links, *paired]
         unknown = [name for name in dict.fromkeys(named) if name not in links]
-        known = (*self._pairs, _DEFAULTS, *_OTHER_TAGS)
-        tags = {str(element.tag): None for element in self.root if element.tag not in known}
+        defined = (*self._pairs, _DEFAULTS, *_OTHER_TAGS)
+        tags = {str(element.tag): None for element in self.root if element.tag not in defined}
         notes = []
         if unknown:
             more = len(unknown) - _MAX_NAMES

@@ -167,7 +167,20 @@ class UrdfDescription:
             link.set("name", link_id(str(link.get("name"))))
             plain.append(link)
         for joint in root.findall("joint"):
-            self._plain_joint(joint)
+            joint.set("name", joint_id(str(joint.get("name"))))
+            for end in ("parent", "child"):
+                for link in joint.findall(end):
+                    link.set("link", link_id(str(link.get("link"))))
+            if joint.get("type") in STANDING_TYPES:
+                joint.set("type", "fixed")
+            if joint.get("type") == "continuous":
+                joint.set("type", "revolute")
+            for tag in ("limit", "mimic", "safety_controller", "calibration", "dynamics"):
+                for child in joint.findall(tag):
+                    joint.remove(child)
+            if joint.get("type") != "fixed":
+                placeholder = {"effort": "1", "velocity": "1", "lower": "-1", "upper": "1"}
+                ElementTree.SubElement(joint, "limit", placeholder)
             plain.append(joint)
         return ElementTree.tostring(plain, encoding="unicode")
 
@@ -178,24 +191,6 @@ class UrdfDescription:
         return {
             (tag, str(e.get("name"))): e for tag in ("link", "joint") for e in root.findall(tag)
         }
-
-    @staticmethod
-    def _plain_joint(element: ElementTree.Element) -> None:
-        element.set("name", joint_id(str(element.get("name"))))
-        for end in ("parent", "child"):
-            for link in element.findall(end):
-                link.set("link", link_id(str(link.get("link"))))
-        if element.get("type") in STANDING_TYPES:
-            element.set("type", "fixed")
-        if element.get("type") == "continuous":
-            element.set("type", "revolute")
-        for tag in ("limit", "mimic", "safety_controller", "calibration", "dynamics"):
-            for child in element.findall(tag):
-                element.remove(child)
-        if element.get("type") == "fixed":
-            return
-        placeholder = {"effort": "1", "velocity": "1", "lower": "-1", "upper": "1"}
-        ElementTree.SubElement(element, "limit", placeholder)
 
 
 def link_id(name: str) -> str:
@@ -226,7 +221,19 @@ def read_urdf(
             inertia or a size is impossible, a number cannot be read, or the file cannot be
             expanded. The message names the file and the element.
     """
-    declared = declare_prefixes(_urdf_of(path, xacro_args or {}, package_dirs))
+    try:
+        content = read_bytes(path, _MAX_BYTES)
+    except DocumentError as error:
+        raise RobotError(f"{path} cannot be read: {error}") from error
+    if b"<!ENTITY" in content:
+        raise RobotError(f"{path} declares XML entities, which are not expanded; write them out")
+    if path.suffix == XACRO_ENDING:
+        content = expanded(path, xacro_args or {}, package_dirs)
+    elif xacro_args:
+        raise RobotError(
+            f"{path}: robot.xacro_args are for a file that ends in {XACRO_ENDING}; leave them out"
+        )
+    declared = declare_prefixes(content)
     try:
         root = ElementTree.fromstring(declared.xml)
     except (ElementTree.ParseError, LookupError, ValueError) as error:
@@ -261,23 +268,6 @@ def read_urdf(
     return UrdfDescription(path, name, tuple(links), by_name, xml, declared.undeclared, notes)
 
 
-def _urdf_of(path: Path, xacro_args: Mapping[str, object], package_dirs: PackageDirs) -> bytes:
-    """Return the contents of a file, expanded by xacro if the file ends in .xacro."""
-    try:
-        xml = read_bytes(path, _MAX_BYTES)
-    except DocumentError as error:
-        raise RobotError(f"{path} cannot be read: {error}") from error
-    if b"<!ENTITY" in xml:
-        raise RobotError(f"{path} declares XML entities, which are not expanded; write them out")
-    if path.suffix == XACRO_ENDING:
-        return expanded(path, xacro_args, package_dirs)
-    if xacro_args:
-        raise RobotError(
-            f"{path}: robot.xacro_args are for a file that ends in {XACRO_ENDING}; leave them out"
-        )
-    return xml
-
-
 def _read_joint(path: Path, element: ElementTree.Element, version: str) -> UrdfJoint:
     name = read_name(str(path), element, "name")
     where = f"{path}: joint '{name}'"
@@ -290,8 +280,8 @@ def _read_joint(path: Path, element: ElementTree.Element, version: str) -> UrdfJ
         if axis is not None:
             xyz = read_numbers(where, axis, "xyz", 3)
             if not 1e-6 < np.linalg.norm(xyz) < 1e6:
-                given = written("xyz", str(axis.get("xyz")))
-                raise RobotError(f"{where}: <axis> {given} is no direction")
+                attribute = written("xyz", str(axis.get("xyz")))
+                raise RobotError(f"{where}: <axis> {attribute} is no direction")
     limit = element.find("limit")
     lower, upper = read_number(where, limit, "lower"), read_number(where, limit, "upper")
     rates: dict[str, float | None] = {}

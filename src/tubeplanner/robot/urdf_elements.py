@@ -212,23 +212,21 @@ def require_valid_link(where: str, link: Element) -> None:
         RobotError: An inertia or a size is missing, negative or no number.
     """
     if link.find("inertial") is not None:
-        _require_inertia(where, read_child(where, link, "inertial"))
+        inertial = read_child(where, link, "inertial")
+        require_origin(f"{where}: <inertial>", inertial)
+        element = read_child(f"{where}: <inertial>", inertial, "mass")
+        mass = read_numbers(where, element, "value", 1)[0]
+        if mass < 0:
+            raise RobotError(f"{where}: mass {mass:g} kg must be >= 0")
+        moments = principal_moments(where, inertial)
+        if moments[0] < -max(_RELATIVE_TOLERANCE * moments[-1], _ABSOLUTE_TOLERANCE):
+            raise RobotError(
+                f"{where}: the inertia has a principal moment of {moments[0]:.3g} kg m^2; no body "
+                "has a negative one"
+            )
     for collision in link.findall("collision"):
         require_origin(f"{where}: <collision>", collision)
         read_shape(where, collision)
-
-
-def _require_inertia(where: str, inertial: Element) -> None:
-    require_origin(f"{where}: <inertial>", inertial)
-    mass = read_numbers(where, read_child(f"{where}: <inertial>", inertial, "mass"), "value", 1)[0]
-    if mass < 0:
-        raise RobotError(f"{where}: mass {mass:g} kg must be >= 0")
-    moments = principal_moments(where, inertial)
-    if moments[0] < -max(_RELATIVE_TOLERANCE * moments[-1], _ABSOLUTE_TOLERANCE):
-        raise RobotError(
-            f"{where}: the inertia has a principal moment of {moments[0]:.3g} kg m^2; no body has "
-            "a negative one"
-        )
 
 
 def principal_moments(where: str, inertial: Element) -> FloatArray:
@@ -344,7 +342,7 @@ def undefined_note(where: str, robot: Element) -> str | None:
 
 
 def _undefined(where: str, element: Element, is_root: bool = False) -> Iterator[str]:
-    """Yield what an element has that URDF does not define, as `<tag>` or `<tag attribute>`."""
+    """Yield tags and attributes that URDF does not define, as `<tag>` or `<tag attribute>`."""
     tag = element.tag
     if tag not in _DEFINED:
         return
@@ -354,8 +352,8 @@ def _undefined(where: str, element: Element, is_root: bool = False) -> Iterator[
             others = [each for each in attributes if each not in element.attrib]
             _require_intended(f"{where}: <{tag}> has the attribute '{name}'", name, others)
             if tag in _CLOSED:
-                known = ", ".join(attributes)
-                raise RobotError(f"{where}: <{tag}> has the attribute '{name}'; known are {known}")
+                listed = ", ".join(attributes)
+                raise RobotError(f"{where}: <{tag}> has the attribute '{name}'; known are {listed}")
             yield f"<{tag} {name}>"
     counts: dict[str, int] = {}
     for child in element:
@@ -414,18 +412,14 @@ def unused_values(joint: Element, used: Iterable[str] = ()) -> dict[str, str]:
                 is_used = tag == "limit" and name in used
                 if local not in attributes or is_used or _is_same(text, "0"):
                     continue
-                if tag == _SOFT and _is_same(text, _hard_limit(joint, name)):
-                    continue
+                if tag == _SOFT:
+                    limit = joint.find("limit")
+                    end = name.removeprefix("soft_").removesuffix("_limit")
+                    if _is_same(text, "0" if limit is None else limit.get(end, "0")):
+                        continue
                 label = f"drake:{local}" if "drake" in namespace else local
                 values[f"{tag} {label}"] = text.strip()
     return values
-
-
-def _hard_limit(joint: Element, soft: str) -> str:
-    """Return the text of the <limit> beside a soft limit; "0" if there is no limit."""
-    limit = joint.find("limit")
-    name = soft.removeprefix("soft_").removesuffix("_limit")
-    return "0" if limit is None else limit.get(name, "0")
 
 
 def _is_same(text: str, other: str) -> bool:

@@ -44,29 +44,23 @@ class Cell:
             q: Configuration of the arm, at rest, shape (n,).
         """
         if isinstance(step, Attach):
-            return self._after_attach(step, robot, q)
+            solid, obstacles = step.solid, self.obstacles
+            for obstacle in self.obstacles:
+                if obstacle.name == step.name:
+                    solid = taken(obstacle, _tool_frame_pose(robot, q))
+                    obstacles = tuple(each for each in obstacles if each is not obstacle)
+            if solid is None:
+                return self
+            solid = replace(solid, touch_links=_touching(solid, robot, q))
+            return Cell(obstacles, (*self.attached, solid), (*self.handed_over, step.name))
         if isinstance(step, Detach):
-            return self._after_detach(step, robot, q)
+            detached = [solid for solid in self.attached if solid.name == step.name]
+            others = tuple(solid for solid in self.attached if solid not in detached)
+            if not detached or not step.leaves_obstacle:
+                return replace(self, attached=others)
+            obstacle = left(detached[0], _tool_frame_pose(robot, q))
+            return Cell((*self.obstacles, obstacle), others, (*self.handed_over, step.name))
         return self
-
-    def _after_attach(self, step: Attach, robot: RobotModel, q: FloatArray) -> "Cell":
-        solid, obstacles = step.solid, self.obstacles
-        for obstacle in self.obstacles:
-            if obstacle.name == step.name:
-                solid = taken(obstacle, _tool_frame_pose(robot, q))
-                obstacles = tuple(each for each in obstacles if each is not obstacle)
-        if solid is None:
-            return self
-        solid = replace(solid, touch_links=_touching(solid, robot, q))
-        return Cell(obstacles, (*self.attached, solid), (*self.handed_over, step.name))
-
-    def _after_detach(self, step: Detach, robot: RobotModel, q: FloatArray) -> "Cell":
-        detached = [solid for solid in self.attached if solid.name == step.name]
-        others = tuple(solid for solid in self.attached if solid not in detached)
-        if not detached or not step.leaves_obstacle:
-            return replace(self, attached=others)
-        obstacle = left(detached[0], _tool_frame_pose(robot, q))
-        return Cell((*self.obstacles, obstacle), others, (*self.handed_over, step.name))
 
 
 def _tool_frame_pose(robot: RobotModel, q: FloatArray) -> FloatArray:

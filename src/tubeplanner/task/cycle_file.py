@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
+from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from tubeplanner.checks import given_path
 from tubeplanner.errors import ProblemError, RobotError
@@ -25,6 +25,7 @@ from tubeplanner.task.fields import (
     Version,
     clearances_of,
     contacts_of,
+    one_of,
 )
 from tubeplanner.task.includes import ProblemLayers, merged_fields
 from tubeplanner.task.problem import PlanningProblem
@@ -76,20 +77,17 @@ class MoveFields(Section):
     pass_through: Flag = Field(False, description="no stop where it begins")
 
 
-def _plain(value: object) -> object:
-    """Raise unless an event may set a value; the message is the same for all alternatives."""
-    if not isinstance(value, str | bool | int | float | None):
-        raise ValueError("it must be a text, a number, true or false")
-    return value
-
-
 class EventFields(Section):
     """Something that happens while the arm is at rest."""
 
     event: str = Field(description="what it is called")
-    set: Annotated[Flag | float | str | None, BeforeValidator(_plain)] = Field(
-        None, description="what it sets, for those who read the marks"
-    )
+    set: Annotated[
+        Flag | float | str | None,
+        one_of(
+            lambda value: isinstance(value, str | bool | int | float | None),
+            "a text, a number, true or false",
+        ),
+    ] = Field(None, description="what it sets, for those who read the marks")
     dwell: Finite = Field(0.0, description="how long the arm stays [s]")
 
 

@@ -173,7 +173,21 @@ class Objective:
             object.__setattr__(self, "slack", _SLACK)
         else:
             require_slack("objective.slack", self.slack)
-        self._require_weights()
+        if not isinstance(self.weights, Mapping):
+            raise ProblemError(
+                f"objective.weights is {shown(self.weights)}; give a map by joint name"
+            )
+        if self.weights and self.minimise != ENERGY:
+            raise ProblemError(
+                f"objective.weights are of energy, but '{self.minimise}' is minimised; leave them "
+                f"out, or minimise '{ENERGY}'"
+            )
+        for name, weight in self.weights.items():
+            if not is_number(weight) or not 0 <= weight < inf:
+                raise ProblemError(
+                    f"objective.weights of '{name}' is {in_figures(weight)}; give a finite number, "
+                    "0 or more"
+                )
 
     def energy_weights(self, robot: RobotModel) -> FloatArray:
         """Return the weights of the joints' squared efforts, shape (n,).
@@ -194,23 +208,6 @@ class Objective:
                 "unless given: nothing is to be saved; give some"
             )
         return np.asarray(weights)
-
-    def _require_weights(self) -> None:
-        if not isinstance(self.weights, Mapping):
-            raise ProblemError(
-                f"objective.weights is {shown(self.weights)}; give a map by joint name"
-            )
-        if self.weights and self.minimise != ENERGY:
-            raise ProblemError(
-                f"objective.weights are of energy, but '{self.minimise}' is minimised; leave them "
-                f"out, or minimise '{ENERGY}'"
-            )
-        for name, weight in self.weights.items():
-            if not is_number(weight) or not 0 <= weight < inf:
-                raise ProblemError(
-                    f"objective.weights of '{name}' is {in_figures(weight)}; give a finite number, "
-                    "0 or more"
-                )
 
 
 def require_slack(what: str, slack: Any, error: type[TubePlannerError] = ProblemError) -> None:
@@ -358,11 +355,13 @@ class Robustness:
     @property
     def in_words(self) -> str:
         """The bounds of the errors that are not zero."""
-        words = [
-            f"{name.replace('_', ' ')} {_error_in_words(getattr(self, name), unit)}"
-            for name, (_, unit) in _MAX_ERRORS.items()
-            if getattr(self, name) > 0
-        ]
+        words = []
+        for name, (_, unit) in _MAX_ERRORS.items():
+            error = getattr(self, name)
+            if error > 0:
+                small_unit = "mrad or mm" if unit == "rad or m" else "m" + unit
+                size = f"{1000 * error:.3g} {small_unit}" if unit else f"{100 * error:.3g} %"
+                words.append(f"{name.replace('_', ' ')} {size}")
         return ", ".join(words) or "nothing"
 
     def _require_between(self, name: str, least: float, most: float, unit: str) -> None:
@@ -373,10 +372,3 @@ class Robustness:
                 f"robustness.{name} is {in_figures(value)}{of_unit}; give a number from {least:g} "
                 f"to {most:g}{of_unit}"
             )
-
-
-def _error_in_words(value: float, unit: str) -> str:
-    """Return a relative error in percent, others in thousandths of their unit."""
-    if not unit:
-        return f"{100 * value:.3g} %"
-    return f"{1000 * value:.3g} {'mrad or mm' if unit == 'rad or m' else 'm' + unit}"

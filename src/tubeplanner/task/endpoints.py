@@ -313,26 +313,7 @@ class EndChecks:
     ) -> None:
         """Raise unless rotation (1, 3, 3) and position (1, 3) of a tool are inside its segment."""
         self.require_in_region(end, f"{end}: the tool", tool[0], segment)
-        self._require_rotation_inside(end, rotation, tool, self.tube.segment_number(segment))
-
-    def require_in_region(self, end: str, what: str, tool: FloatArray, segment: int) -> None:
-        """Raise unless a tool position (3,), with a label, is in the region of a segment."""
-        margin = float(self.joined.margin(tool[None])[0, 0 if end == "start" else -1])
-        if margin < -MARGIN_TOLERANCE:
-            point = self.tube.points[segment + (end == "goal")]
-            region = "box" if self.tube.is_box[segment] else "capsule"
-            number = self.tube.segment_number(segment)
-            raise ContradictionError(
-                f"{what} is at {np.round(tool, 4).tolist()} m, {-margin:.3g} m outside "
-                f"the {region} of segment {number} (its end point is "
-                f"{point.tolist()} m); move the {end} or the reference point",
-                self._location_of(end, number, tool),
-            )
-
-    def _require_rotation_inside(
-        self, end: str, rotation: FloatArray, tool: FloatArray, number: int
-    ) -> None:
-        """Raise unless the rotation of a tool is within the tolerance of a numbered segment."""
+        number = self.tube.segment_number(segment)
         tube, joined = self.joined.rotation, 0 if end == "start" else -1
         if tube is None or tube.margin(rotation, tool, joined)[0] >= -MARGIN_TOLERANCE:
             return
@@ -347,6 +328,20 @@ class EndChecks:
             f"tube.rotation_tolerance[{number}]",
             self._location_of(end, number, tool[0]),
         )
+
+    def require_in_region(self, end: str, what: str, tool: FloatArray, segment: int) -> None:
+        """Raise unless a tool position (3,), with a label, is in the region of a segment."""
+        margin = float(self.joined.margin(tool[None])[0, 0 if end == "start" else -1])
+        if margin < -MARGIN_TOLERANCE:
+            point = self.tube.points[segment + (end == "goal")]
+            region = "box" if self.tube.is_box[segment] else "capsule"
+            number = self.tube.segment_number(segment)
+            raise ContradictionError(
+                f"{what} is at {np.round(tool, 4).tolist()} m, {-margin:.3g} m outside "
+                f"the {region} of segment {number} (its end point is "
+                f"{point.tolist()} m); move the {end} or the reference point",
+                self._location_of(end, number, tool),
+            )
 
     def _location_of(self, end: str, number: int, tool: FloatArray) -> Location:
         """Return the place of an end in a numbered segment, the tool at a position (3,)."""

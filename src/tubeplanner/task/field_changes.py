@@ -185,7 +185,7 @@ class _Walk:
             holder = holder[key]
 
     def _step(self, holder: Any, location: SchemaLocation) -> tuple[Any, SchemaLocation]:
-        """Go to the next key of a map or list, and return the key and its place."""
+        """Go to the next key of a map or item of a list; return the key or index, and its place."""
         if isinstance(holder, dict):
             key = self._next([*holder, *location.keys])
             below = location.below(key)
@@ -193,25 +193,22 @@ class _Walk:
                 raise self._fault(unknown_name("key", key, location.keys))
             return key, below or SchemaLocation.of()
         if isinstance(holder, list):
-            return self._item(holder), location.item
+            names = [item.get("name") if isinstance(item, dict) else None for item in holder]
+            numbers = [str(k) for k in range(len(holder))]
+            walked = self._walked
+            key = self._next([*names, *numbers])
+            if key in names:
+                return names.index(key), location.item
+            if key in numbers:
+                return int(key), location.item
+            if item_names := [name for name in names if isinstance(name, str)]:
+                raise self._fault(unknown_name("name", key, item_names))
+            count = len(holder)
+            raise self._fault(
+                f"{walked} has no item {shown(key)}; there are {count}, from 0 to {count - 1}"
+            )
         state = "is not given" if holder is None else f"is {shown(holder)}, which has no parts"
         raise self._fault(f"{self._walked} {state}; give it as a whole")
-
-    def _item(self, items: list[Any]) -> int:
-        """Return the index of the next item; its key is the index or the item's name."""
-        names = [item.get("name") if isinstance(item, dict) else None for item in items]
-        numbers = [str(k) for k in range(len(items))]
-        walked = self._walked
-        key = self._next([*names, *numbers])
-        if key in names:
-            return names.index(key)
-        if key in numbers:
-            return int(key)
-        if item_names := [name for name in names if isinstance(name, str)]:
-            raise self._fault(unknown_name("name", key, item_names))
-        raise self._fault(
-            f"{walked} has no item {shown(key)}; there are {len(items)}, from 0 to {len(items) - 1}"
-        )
 
     def _next(self, known: list[Any]) -> str:
         """Return the next key: the longest known key that fits, or else the text up to a dot."""

@@ -1,5 +1,6 @@
 """Fields common to several file kinds: poses, clearances, limits, motors."""
 
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
@@ -18,11 +19,32 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
+def one_of(is_accepted: Callable[[Any], bool], kinds: str) -> BeforeValidator:
+    """Return a validator with one message for all alternatives of a field.
+
+    Args:
+        is_accepted: Returns True for a value of an accepted kind.
+        kinds: The accepted kinds, for the message.
+    """
+
+    def validated(value: Any) -> Any:
+        if not is_accepted(value):
+            raise ValueError(f"it must be {kinds}")
+        return value
+
+    return BeforeValidator(validated)
+
+
 def no_flag(value: object) -> object:
     """Raise if a number is true or false: in Python these are 1 and 0."""
     if isinstance(value, bool):
         raise ValueError("true and false are no numbers")
     return value
+
+
+def is_plain_number(value: object) -> bool:
+    """Return True if a value of a file is a number."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 Finite: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -82,15 +104,14 @@ class ClearanceFields(Section):
     )
 
 
-def _number_or_map(value: object) -> object:
-    """Raise unless a clearance is a number or a map; the message is the same for both."""
-    no_flag(value)
-    if not isinstance(value, int | float | dict | ClearanceFields):
-        raise ValueError("it must be a number, or a map with default, pairs, segments")
-    return value
-
-
-Clearance: TypeAlias = Annotated[Finite | ClearanceFields, BeforeValidator(_number_or_map)]
+Clearance: TypeAlias = Annotated[
+    Finite | ClearanceFields,
+    one_of(
+        lambda value: isinstance(value, int | float | dict | ClearanceFields),
+        "a number, or a map with default, pairs, segments",
+    ),
+    BeforeValidator(no_flag),  # the last validator comes first
+]
 
 
 class ContactFields(Section):
@@ -150,47 +171,26 @@ def _ends(k: int, indices: list[int] | None, segments: int | None) -> tuple[str,
     return tuple(end for end, is_present in ends if is_present)
 
 
-# ---- Limits and motors, in problem files and in presets. Validators give one message for all
-# alternatives of a field.
-
-
-def _per_joint(value: object) -> object:
-    if not _is_number(value) and not isinstance(value, list | tuple | dict):
-        raise ValueError(
-            "it must be one number for all joints, a list with one for each, or a map by name"
-        )
-    return value
-
-
-def _friction(value: object) -> object:
-    if not _is_number(value) and not _is_pair(value):
-        raise ValueError("it must be a number, or [backwards, forwards]")
-    return value
-
-
-def _effort(value: object) -> object:
-    if not _is_number(value) and not _is_pair(value) and not isinstance(value, dict):
-        raise ValueError(
-            "it must be a number, [backwards, forwards], or a map with position and effort"
-        )
-    return value
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+# ---- Limits and motors, in problem files and in presets.
 
 
 def _is_pair(value: object) -> bool:
-    return isinstance(value, list | tuple) and len(value) == 2 and all(map(_is_number, value))
+    return isinstance(value, list | tuple) and len(value) == 2 and all(map(is_plain_number, value))
 
 
-NumberPerJoint: TypeAlias = Annotated[
-    Number | list[Number] | dict[str, Number], BeforeValidator(_per_joint)
+_PER_JOINT = one_of(
+    lambda value: is_plain_number(value) or isinstance(value, list | tuple | dict),
+    "one number for all joints, a list with one for each, or a map by name",
+)
+NumberPerJoint: TypeAlias = Annotated[Number | list[Number] | dict[str, Number], _PER_JOINT]
+_Friction: TypeAlias = Annotated[
+    Number | tuple[Number, Number],
+    one_of(
+        lambda value: is_plain_number(value) or _is_pair(value),
+        "a number, or [backwards, forwards]",
+    ),
 ]
-_Friction: TypeAlias = Annotated[Number | tuple[Number, Number], BeforeValidator(_friction)]
-FrictionPerJoint: TypeAlias = Annotated[
-    Number | list[_Friction] | dict[str, _Friction], BeforeValidator(_per_joint)
-]
+FrictionPerJoint: TypeAlias = Annotated[Number | list[_Friction] | dict[str, _Friction], _PER_JOINT]
 
 
 class EffortTableFields(Section):
@@ -203,11 +203,13 @@ class EffortTableFields(Section):
 
 
 _Effort: TypeAlias = Annotated[
-    Number | tuple[Number, Number] | EffortTableFields, BeforeValidator(_effort)
+    Number | tuple[Number, Number] | EffortTableFields,
+    one_of(
+        lambda value: is_plain_number(value) or _is_pair(value) or isinstance(value, dict),
+        "a number, [backwards, forwards], or a map with position and effort",
+    ),
 ]
-EffortPerJoint: TypeAlias = Annotated[
-    Number | list[Number] | dict[str, _Effort], BeforeValidator(_per_joint)
-]
+EffortPerJoint: TypeAlias = Annotated[Number | list[Number] | dict[str, _Effort], _PER_JOINT]
 
 
 class VelocityByPositionFields(Section):

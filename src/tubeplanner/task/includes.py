@@ -25,7 +25,17 @@ def merged_fields(below: Any, above: Any) -> Any:
         shared = {k: merged_fields(below[k], above[k]) for k in above if k in below}
         return {**below, **above, **shared}
     if is_named(below) and is_named(above):
-        return _merged_items(below, above)
+        # Repeated names, an error later, stay unmerged.
+        first: dict[str, Any] = {}
+        new = []
+        names = {item["name"] for item in below}
+        for item in above:
+            if item["name"] in names and item["name"] not in first:
+                first[item["name"]] = item
+            else:
+                new.append(item)
+        merged = [merged_fields(item, first.pop(item["name"], {})) for item in below]
+        return [*merged, *new]
     return above
 
 
@@ -34,20 +44,6 @@ def is_named(items: Any) -> bool:
     return isinstance(items, list) and all(
         isinstance(item, dict) and isinstance(item.get("name"), str) for item in items
     )
-
-
-def _merged_items(below: list[Any], above: list[Any]) -> list[Any]:
-    """Return items merged by name; repeated names, an error later, stay unmerged."""
-    first: dict[str, Any] = {}
-    new = []
-    names = {item["name"] for item in below}
-    for item in above:
-        if item["name"] in names and item["name"] not in first:
-            first[item["name"]] = item
-        else:
-            new.append(item)
-    merged = [merged_fields(item, first.pop(item["name"], {})) for item in below]
-    return [*merged, *new]
 
 
 # ---- Fields that are paths, relative to the file that holds them.
@@ -128,6 +124,7 @@ def _map(value: Any) -> Any:
 # ---- A problem file and its included files, each a layer above the earlier ones.
 
 INCLUDE = "include"
+# A file counts each time that it is included: levels of two includes each double the count.
 _MAX_FILES = 100
 _ABSENT = object()
 
@@ -227,7 +224,14 @@ def _layers(
         source: Name of the document in messages.
         chain: Files that lead here, each including the next.
     """
-    for name in _included(data, source):
+    value = data.get(INCLUDE) if isinstance(data, dict) else None
+    files = [] if value is None else value if isinstance(value, list) else [value]
+    for name in files:
+        if not isinstance(name, str) or not name:
+            raise ProblemError(
+                f"{source}: {INCLUDE} is {shown(value)}; it must be a file or a list of files"
+            )
+    for name in files:
         try:
             path = find_problem(name, folder)
         except ProblemError as error:
@@ -248,18 +252,6 @@ def _layers(
             )
         yield from _layers(document, path.parent, str(path), (*chain, resolved))
     yield source, data, folder
-
-
-def _included(data: Any, source: str) -> list[str]:
-    """Return the names of the files that a document includes."""
-    value = data.get(INCLUDE) if isinstance(data, dict) else None
-    names = [] if value is None else value if isinstance(value, list) else [value]
-    for name in names:
-        if not isinstance(name, str) or not name:
-            raise ProblemError(
-                f"{source}: {INCLUDE} is {shown(value)}; it must be a file or a list of files"
-            )
-    return names
 
 
 def _is_same(first: Any, second: Any) -> bool:

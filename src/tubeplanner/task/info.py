@@ -1,9 +1,10 @@
 """ProblemInfo and CycleInfo: robot, missing limits, task if it loads."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,7 +21,10 @@ from tubeplanner.task.field_changes import changed_problem, read_problem_fields
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.legs import Leg, step_text
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.problem_format import ProblemFields
 from tubeplanner.task.problem_reader import load_problem, robot_arguments
+
+_Task = TypeVar("_Task", bound=PlanningProblem | Cycle)
 
 # ---- Problem files.
 
@@ -78,26 +82,44 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
     """
     path = find_problem(name, Path())
     fields = read_problem_fields(path, changes)
-    robot = robot_info(**robot_arguments(fields.robot, path.parent))
+    load = partial(load_problem, name, reads_tube=fields.tube is not None, changes=changes)
+    return ProblemInfo(*_parts(fields, path.parent, load, problem_doubts))
+
+
+def _parts(
+    fields: ProblemFields | CycleFields,
+    directory: Path,
+    load: Callable[[], _Task],
+    task_doubts: Callable[[_Task], Sequence[str]],
+) -> tuple[RobotInfo, SrdfInfo | None, _Task | None, str | None]:
+    """Return the parts of a ProblemInfo or CycleInfo.
+
+    Args:
+        fields: Fields of the file.
+        directory: Where relative paths start.
+        load: Loads the problem or the cycle.
+        task_doubts: Returns notes on implausible values of the problem or cycle.
+    """
+    robot = robot_info(**robot_arguments(fields.robot, directory))
     srdf = srdf_info(robot)
     try:
-        problem = load_problem(name, reads_tube=fields.tube is not None, changes=changes)
+        task = load()
     except (ProblemError, RobotError) as error:
-        known = [*doubts(angles_of(fields.model_dump())), *robot_doubts(robot.arm)]
-        return ProblemInfo(with_doubts(robot, known), srdf, None, str(error))
-    known = [*problem_doubts(problem), *unlimited_notes(problem.robot)]
-    return ProblemInfo(with_doubts(robot, known), srdf, problem, None)
+        notes = [*doubts(angles_of(fields.model_dump())), *robot_doubts(robot.arm)]
+        return with_doubts(robot, notes), srdf, None, str(error)
+    notes = [*task_doubts(task), *unlimited_notes(task.robot)]
+    return with_doubts(robot, notes), srdf, task, None
 
 
-def with_doubts(robot: RobotInfo, known: Sequence[str] | None = None) -> RobotInfo:
+def with_doubts(robot: RobotInfo, task_notes: Sequence[str] | None = None) -> RobotInfo:
     """Return the contents of a robot with notes on implausible values.
 
     Args:
         robot: The contents.
-        known: Notes on its problem or cycle; None: on the robot alone.
+        task_notes: Notes on its problem or cycle; None: on the robot alone.
     """
-    doubts = robot_doubts(robot.arm) if known is None else known
-    return replace(robot, notes=(*robot.notes, *doubts))
+    notes = robot_doubts(robot.arm) if task_notes is None else task_notes
+    return replace(robot, notes=(*robot.notes, *notes))
 
 
 # ---- Implausible values of problems and cycles.
@@ -240,29 +262,13 @@ class CycleInfo:
 
 
 def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> CycleInfo:
-    """Return the content of a cycle file, with its robot even if the cycle does not load.
-
-    Args:
-        name: A path, or `example:ROBOT/NAME`.
-        changes: Other values, by field path.
-
-    Raises:
-        ProblemError: The file cannot be read or contradicts its format.
-        RobotError: Its URDF, its SRDF or a file of limits cannot be read.
-    """
+    """Return the content of a cycle file; arguments and errors as of `problem_info`."""
     path = find_problem(name, Path())
     layers = ProblemLayers.read(path)
     data = changed_problem(layers.merged, changes, CycleFields)
     fields = check_cycle_fields(data, layers.sources[-1], layers.source_of)
-    robot = robot_info(**robot_arguments(fields.robot, path.parent))
-    srdf = srdf_info(robot)
-    try:
-        cycle = load_cycle(name, changes=changes)
-    except (ProblemError, RobotError) as error:
-        known = [*doubts(angles_of(fields.model_dump())), *robot_doubts(robot.arm)]
-        return CycleInfo(with_doubts(robot, known), srdf, None, str(error))
-    known = [*cycle_doubts(cycle), *unlimited_notes(cycle.robot)]
-    return CycleInfo(with_doubts(robot, known), srdf, cycle, None)
+    load = partial(load_cycle, name, changes=changes)
+    return CycleInfo(*_parts(fields, path.parent, load, cycle_doubts))
 
 
 def _cycle_task(cycle: Cycle) -> dict[str, Any]:

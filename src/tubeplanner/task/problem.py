@@ -96,13 +96,28 @@ class PlanningProblem:
         require_parts(self, "robot", "tube", "self_collision", "name")
         for group in ("obstacles", "attached", "ignore_collisions", "contacts"):
             self._keep(group, given_members(group, getattr(self, group)))
-        self._keep_scene()
+        # The scene of another problem stays unless its robot or solids were replaced.
+        scene = CollisionScene(
+            self.robot,
+            tuple(self.obstacles),
+            tuple(self.attached),
+            self.self_collision,
+            tuple(self.ignore_collisions),
+        )
+        if self._scene is None or not self._scene.is_as(scene):
+            self._keep("_scene", scene)
         self._keep_joint_bounds()
         self._keep("start", self._checked_end("start", self.start, 0))
+        last = self.tube.segment_count - 1
         if isinstance(self.goal, GoalRegion):
-            self._require_goal_region(self.goal)
+            self._end_checks.require_in_region("goal", "goal.position", self.goal.position, last)
+            if self.goal.rotation_tolerance is not None and self.tube.orientations is None:
+                raise ProblemError(
+                    "goal.rotation_tolerance is about the tube's last orientation, but "
+                    "tube.orientations is not given; give both it and tube.rotation_tolerance "
+                    "(.inf where the tool is free on the way), or leave goal.rotation_tolerance out"
+                )
         elif self.goal is not None:
-            last = self.tube.segment_count - 1
             self._keep("goal", self._checked_end("goal", self.goal, last))
         if not is_number(self.clearance) or not 0 <= self.clearance <= MAX_SIZE:
             raise ProblemError(
@@ -256,18 +271,6 @@ class PlanningProblem:
     def _keep(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
 
-    def _keep_scene(self) -> None:
-        """Keep the scene of another problem unless its robot or solids were replaced."""
-        scene = CollisionScene(
-            self.robot,
-            tuple(self.obstacles),
-            tuple(self.attached),
-            self.self_collision,
-            tuple(self.ignore_collisions),
-        )
-        if self._scene is None or not self._scene.is_as(scene):
-            self._keep("_scene", scene)
-
     def _checked_end(
         self, end: str, given: FloatArray | Seed | ToolPose, segment: int
     ) -> FloatArray | Seed | ToolPose:
@@ -283,17 +286,6 @@ class PlanningProblem:
         q = configuration_of(self.robot, end, given)
         self._end_checks.require_inside(end, q, segment)
         return q
-
-    def _require_goal_region(self, goal: GoalRegion) -> None:
-        """Raise unless a goal's centre is in the last segment, and its rotation has a reference."""
-        last = self.tube.segment_count - 1
-        self._end_checks.require_in_region("goal", "goal.position", goal.position, last)
-        if goal.rotation_tolerance is not None and self.tube.orientations is None:
-            raise ProblemError(
-                "goal.rotation_tolerance is about the tube's last orientation, but "
-                "tube.orientations is not given; give both it and tube.rotation_tolerance (.inf "
-                "where the tool is free on the way), or leave goal.rotation_tolerance out"
-            )
 
     def _checked_seed(self, end: str, given: FloatArray) -> FloatArray:
         """Return a seed in group order; raise unless inside limits."""

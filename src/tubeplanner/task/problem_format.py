@@ -25,7 +25,9 @@ from tubeplanner.task.fields import (
     ToolOffsetFields,
     Vector,
     Version,
+    is_plain_number,
     no_flag,
+    one_of,
 )
 from tubeplanner.task.validation import check_fields
 
@@ -77,45 +79,42 @@ def _is_of(document: Any, format_: str, key: str) -> bool:
 
 
 # ---- Fields of the problem file, with units and defaults. Other tools read it: names never change.
-#
-# Validators of several alternatives give one message for all of them.
 
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
 
 
-def _sign_or_range(value: object) -> object:
-    no_flag(value)
-    is_range = isinstance(value, list | tuple) and len(value) == 2
-    if not is_range and value not in ("+", "-", "0", 1, -1, 0):
-        raise ValueError("it must be '+', '-', '0', 1, -1, 0 or a range [lower, upper]")
-    return value
-
-
 Sign: TypeAlias = Annotated[
-    Literal["+", "-", "0", 1, -1, 0] | tuple[Number, Number], BeforeValidator(_sign_or_range)
+    Literal["+", "-", "0", 1, -1, 0] | tuple[Number, Number],
+    one_of(
+        lambda value: (
+            (isinstance(value, list | tuple) and len(value) == 2)
+            or value in ("+", "-", "0", 1, -1, 0)
+        ),
+        "'+', '-', '0', 1, -1, 0 or a range [lower, upper]",
+    ),
+    BeforeValidator(no_flag),  # the last validator comes first
 ]
-
-
-def _angle_or_bounds(value: object) -> object:
-    numbers = list(value) if isinstance(value, list | tuple) else [value]
-    are_numbers = all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
-    if not are_numbers or (isinstance(value, list | tuple) and len(numbers) != 3):
-        raise ValueError("it must be one angle or three bounds [x, y, z] [rad], .inf where free")
-    return value
 
 
 RotationBoundField: TypeAlias = Annotated[
-    Number | tuple[Number, Number, Number], BeforeValidator(_angle_or_bounds)
+    Number | tuple[Number, Number, Number],
+    one_of(
+        lambda value: (
+            len(value) == 3 and all(map(is_plain_number, value))
+            if isinstance(value, list | tuple)
+            else is_plain_number(value)
+        ),
+        "one angle or three bounds [x, y, z] [rad], .inf where free",
+    ),
 ]
 
 
-def _argument(value: object) -> object:
-    if not isinstance(value, str | bool | int | float):
-        raise ValueError("it must be a text, a number, true or false")
-    return value
-
-
-XacroValue: TypeAlias = Annotated[Flag | int | float | str, BeforeValidator(_argument)]
+XacroValue: TypeAlias = Annotated[
+    Flag | int | float | str,
+    one_of(
+        lambda value: isinstance(value, str | bool | int | float), "a text, a number, true or false"
+    ),
+]
 
 PROBLEM_FORMAT: Final = "tubeplanner/problem"
 _MAX_BYTES = 10_000_000

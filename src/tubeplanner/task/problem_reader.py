@@ -322,7 +322,20 @@ def end_of(
         key = "tolerance" if given.tolerance else "rotation_tolerance"
         raise ProblemError(f"{end}.{key} is for goal.position, which is not given; leave it out")
     named = named_endpoint(end, given, robot, directory)
-    return _endpoint(end, given) if named is None else named
+    if named is not None:
+        return named
+    keys = [key for key in ("joints", "seed") if getattr(given, key) is not None]
+    if given.position is not None and (end == "start" or "joints" in keys):
+        reason = "start takes joints" if end == "start" else "it is the one of goal.joints"
+        raise ProblemError(f"{end}.position is not to be given: {reason}")
+    if given.position is not None and not keys:
+        return GoalRegion(np.array(given.position), given.tolerance, given.rotation_tolerance)
+    if len(keys) != 1:
+        raise ProblemError(
+            f"{end} takes either joints or seed (or pose, group_state, trajectory); it has "
+            f"{'both' if keys else 'neither'}"
+        )
+    return _values(given.joints) if given.joints is not None else Seed(_values(given.seed))
 
 
 def named_endpoint(
@@ -353,7 +366,16 @@ def named_endpoint(
     if fields.pose is not None:
         return _tool_pose(end, fields.pose, fields, robot)
     if fields.group_state is not None:
-        return _group_state(end, fields.group_state, robot)
+        srdf = robot.urdf.srdf
+        if srdf is None:
+            raise ProblemError(
+                f"{end}.group_state '{fields.group_state}' is one of an SRDF; give robot.srdf"
+            )
+        try:
+            values = srdf.group_state(fields.group_state, robot.joint_names)
+        except RobotError as error:
+            raise ProblemError(f"{end}.group_state: {error}") from None
+        return configuration_of(robot, f"{end}.group_state", values)
     return _last_configuration(f"{end}.trajectory", directory / str(fields.trajectory), robot)
 
 
@@ -371,17 +393,6 @@ def _tool_pose(end: str, pose: PoseFields, fields: EndpointFields, robot: RobotM
     )
 
 
-def _group_state(end: str, name: str, robot: RobotModel) -> FloatArray:
-    srdf = robot.urdf.srdf
-    if srdf is None:
-        raise ProblemError(f"{end}.group_state '{name}' is one of an SRDF; give robot.srdf")
-    try:
-        values = srdf.group_state(name, robot.joint_names)
-    except RobotError as error:
-        raise ProblemError(f"{end}.group_state: {error}") from None
-    return configuration_of(robot, f"{end}.group_state", values)
-
-
 def _last_configuration(what: str, path: Path, robot: RobotModel) -> FloatArray:
     """Return the configuration (n,) at the end of a trajectory file."""
     try:
@@ -396,21 +407,6 @@ def _last_configuration(what: str, path: Path, robot: RobotModel) -> FloatArray:
         )
     end = trajectory.position(trajectory.duration)
     return end[[columns[name] for name in robot.joint_names]]
-
-
-def _endpoint(end: str, fields: EndpointFields) -> Any:
-    keys = [key for key in ("joints", "seed") if getattr(fields, key) is not None]
-    if fields.position is not None and (end == "start" or "joints" in keys):
-        reason = "start takes joints" if end == "start" else "it is the one of goal.joints"
-        raise ProblemError(f"{end}.position is not to be given: {reason}")
-    if fields.position is not None and not keys:
-        return GoalRegion(np.array(fields.position), fields.tolerance, fields.rotation_tolerance)
-    if len(keys) != 1:
-        raise ProblemError(
-            f"{end} takes either joints or seed (or pose, group_state, trajectory); it has "
-            f"{'both' if keys else 'neither'}"
-        )
-    return _values(fields.joints) if fields.joints is not None else Seed(_values(fields.seed))
 
 
 def _values(values: JointValues | None) -> Any:

@@ -62,7 +62,24 @@ class RequiredDistances:
             slack: Distance to obstacles required in addition [m].
         """
         self.by_segment, self.row_of = _rows(problem, slack)
-        self.near_ends = tuple(_near_ends(problem, start, goal))
+        last = problem.tube.segment_count - 1
+        ends = {START: (0, start, True), GOAL: (last, goal, not problem.endpoints[1].is_open)}
+        near_ends = []
+        for contact in problem.contacts:
+            pair = problem.collision.between(*contact.links)
+            for end in contact.ends:
+                segment, q, is_fixed = ends[end]
+                tool = problem.tube.points[-1]
+                if q is not None:
+                    tool = problem.robot.tool_position(q[None])[0]
+                distance = 0.0  # at an open goal: no overlap
+                if is_fixed and q is not None:
+                    rotation, position = problem.robot.body_poses(q[None])
+                    pairs = problem.collision.pairs[pair]
+                    near = problem.collision.distances(rotation[0], position[0], pairs)
+                    distance = float(near.min())
+                near_ends.append(NearEnd(segment, tool, contact.within, pair, distance))
+        self.near_ends = tuple(near_ends)
 
     @property
     def is_constant(self) -> bool:
@@ -123,30 +140,6 @@ def _rows(problem: PlanningProblem, slack: float) -> tuple[FloatArray, IntArray]
         rows[:, checker.between(*names)] = clearance
     rows[:, is_obstacle] += slack
     return rows, row_of.ravel()
-
-
-def _near_ends(
-    problem: PlanningProblem, start: FloatArray, goal: FloatArray | None
-) -> list[NearEnd]:
-    """Return the required distances of contacts; at an open goal, 0: no overlap."""
-    last = problem.tube.segment_count - 1
-    ends = {START: (0, start, True), GOAL: (last, goal, not problem.endpoints[1].is_open)}
-    near_ends = []
-    for contact in problem.contacts:
-        pair = problem.collision.between(*contact.links)
-        for end in contact.ends:
-            segment, q, is_fixed = ends[end]
-            tool = problem.tube.points[-1]
-            if q is not None:
-                tool = problem.robot.tool_position(q[None])[0]
-            distance = 0.0
-            if is_fixed and q is not None:
-                rotation, position = problem.robot.body_poses(q[None])
-                pairs = problem.collision.pairs[pair]
-                near = problem.collision.distances(rotation[0], position[0], pairs)
-                distance = float(near.min())
-            near_ends.append(NearEnd(segment, tool, contact.within, pair, distance))
-    return near_ends
 
 
 WITHIN = 0.03  # [m]

@@ -101,7 +101,13 @@ def read_robustness(name: str | Path, directory: str | Path = ".") -> dict[str, 
 
 
 def _preset(name: str | Path, directory: str | Path) -> tuple[str, _PresetFields]:
-    """Return the label and the fields of a preset; raise RobotError as `read_preset`."""
+    """Return the label and the fields of a preset.
+
+    All fields with values, and no others, have a source.
+
+    Raises:
+        RobotError: As `read_preset`.
+    """
     path = find_preset(name, given_path("directory", directory))
     label = f"preset {name}"
     try:
@@ -117,12 +123,6 @@ def _preset(name: str | Path, directory: str | Path) -> tuple[str, _PresetFields
         fields = _PresetFields.model_validate(data)
     except ValidationError as error:
         raise RobotError(f"{label}: {first_fault(data, error, _PresetFields)}") from None
-    _require_sources(label, fields)
-    return label, fields
-
-
-def _require_sources(label: str, fields: _PresetFields) -> None:
-    """Raise RobotError unless all fields with values, and no others, have a source."""
     if fields.limits.scale:
         raise RobotError(f"{label}: limits.scale belongs into robot.limits of a problem")
     names = fields.given
@@ -139,6 +139,7 @@ def _require_sources(label: str, fields: _PresetFields) -> None:
     for name in fields.sources:
         if name not in names:
             raise RobotError(f"{label}: sources: {unknown_name('field', name, names)}")
+    return label, fields
 
 
 _COMPARED = ("velocity", "effort")

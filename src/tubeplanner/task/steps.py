@@ -181,7 +181,15 @@ def require_consistent(
                     "cycle has one arm and one tool"
                 )
         _require_meeting(before, move)
-    _require_dwells(steps, period)
+    # The problems of the moves report an invalid period.
+    if period is not None and is_number(period) and period > 0:
+        for step in steps:
+            if isinstance(step, Event) and not is_multiple(step.dwell, period):
+                multiples = [round_to(step.dwell / period) * period for round_to in (floor, ceil)]
+                raise ProblemError(
+                    f"event '{step.name}': dwell is {in_figures(step.dwell)} s, no multiple of the "
+                    f"period, {period:g} s; give {multiples[0]:.9g} or {multiples[1]:.9g}"
+                )
     solids = _SolidNames({each.name for each in obstacles}, {each.name for each in attached})
     for step in steps:
         solids.apply(step)
@@ -190,19 +198,6 @@ def require_consistent(
             f"closed: '{solids.attached[0]}' is still attached where the cycle ends and would be "
             "once more where it begins; detach it, or leave closed out"
         )
-
-
-def _require_dwells(steps: Sequence[Step], period: float | None) -> None:
-    """Raise unless every dwell is a multiple of the period."""
-    if period is None or not is_number(period) or not period > 0:
-        return  # the problems of the moves report an invalid period
-    for step in steps:
-        if isinstance(step, Event) and not is_multiple(step.dwell, period):
-            below, above = (round_to(step.dwell / period) * period for round_to in (floor, ceil))
-            raise ProblemError(
-                f"event '{step.name}': dwell is {in_figures(step.dwell)} s, no multiple of the "
-                f"period, {period:g} s; give {below:.9g} or {above:.9g}"
-            )
 
 
 def _require_meeting(before: Move, move: Move) -> None:
@@ -236,34 +231,29 @@ class _SolidNames:
     def apply(self, step: Step) -> None:
         """Apply a step, or raise if the step is impossible."""
         if isinstance(step, Attach):
-            self._attach(step)
+            here, name = f"attach '{step.name}'", step.name
+            if name in self._permanent:
+                raise ProblemError(f"{here}: the robot carries it all along; choose another name")
+            if name in self._has_shape:
+                raise ProblemError(f"{here}: it is attached already; detach it before")
+            if name in self._obstacles and step.solid is not None:
+                raise ProblemError(
+                    f"{here}: shape is given, and there is an obstacle of this name, which is "
+                    "taken as it stands; leave out the shape, or choose another name"
+                )
+            if name not in self._obstacles and step.solid is None and step.payload is None:
+                message = unknown_name("obstacle", name, sorted(self._obstacles))
+                raise ProblemError(f"{here}: {message}; or give shape, payload or both")
+            self._has_shape[name] = name in self._obstacles or step.solid is not None
+            self._obstacles.discard(name)
         elif isinstance(step, Detach):
-            self._detach(step)
-
-    def _attach(self, step: Attach) -> None:
-        here, name = f"attach '{step.name}'", step.name
-        if name in self._permanent:
-            raise ProblemError(f"{here}: the robot carries it all along; choose another name")
-        if name in self._has_shape:
-            raise ProblemError(f"{here}: it is attached already; detach it before")
-        if name in self._obstacles and step.solid is not None:
-            raise ProblemError(
-                f"{here}: shape is given, and there is an obstacle of this name, which is taken as "
-                "it stands; leave out the shape, or choose another name"
-            )
-        if name not in self._obstacles and step.solid is None and step.payload is None:
-            message = unknown_name("obstacle", name, sorted(self._obstacles))
-            raise ProblemError(f"{here}: {message}; or give shape, payload or both")
-        self._has_shape[name] = name in self._obstacles or step.solid is not None
-        self._obstacles.discard(name)
-
-    def _detach(self, step: Detach) -> None:
-        if step.name in self._permanent:
-            raise ProblemError(
-                f"detach '{step.name}': the robot carries it all along; attach it in a step instead"
-            )
-        if step.name not in self._has_shape:
-            message = unknown_name("attached name", step.name, self._has_shape)
-            raise ProblemError(f"detach '{step.name}': {message}")
-        if self._has_shape.pop(step.name) and step.leaves_obstacle:
-            self._obstacles.add(step.name)
+            if step.name in self._permanent:
+                raise ProblemError(
+                    f"detach '{step.name}': the robot carries it all along; attach it in a step "
+                    "instead"
+                )
+            if step.name not in self._has_shape:
+                message = unknown_name("attached name", step.name, self._has_shape)
+                raise ProblemError(f"detach '{step.name}': {message}")
+            if self._has_shape.pop(step.name) and step.leaves_obstacle:
+                self._obstacles.add(step.name)

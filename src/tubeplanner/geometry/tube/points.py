@@ -112,30 +112,23 @@ def distinct_points(
     remaining = np.array(rows)
     dropped = np.setdiff1d(np.arange(len(points)), remaining)
     for k in dropped.tolist():
-        _require_nothing_lost(k, remaining[1:] - 1, asked, angles)
+        lost, segments = k - 1, remaining[1:] - 1
+        after = int(np.searchsorted(segments, lost))
+        beside = [int(segments[i]) for i in (after - 1, after) if 0 <= i < len(segments)]
+        same = f"tube.points: points {lost} and {k} are the same within {MIN_LENGTH:g} m"
+        if all(asked[lost] != asked[i] for i in beside):
+            neighbours = " and ".join(str(i) for i in beside)
+            raise ProblemError(
+                f"{same}; segment {lost} between them would be left out, but its radius, joint "
+                "signs, tolerances or speed are those of neither segment beside it "
+                f"({neighbours}): remove one of the points, or give them what a neighbour has"
+            )
+        if angles is not None and angles[lost] > _SAME_ORIENTATION:
+            raise ProblemError(
+                f"{same}, but tube.orientations turn by {angles[lost]:.3g} rad between them: a "
+                "tool cannot turn on the spot here; move one of the points, or give both one orientation"
+            )
     return DistinctPoints(remaining, remaining[1:] - 1, dropped)
-
-
-def _require_nothing_lost(
-    point: int, segments: IntArray, asked: Sequence[object], angles: FloatArray | None
-) -> None:
-    """Raise ProblemError if only the segment to a dropped point has its conditions."""
-    lost = point - 1
-    after = int(np.searchsorted(segments, lost))
-    beside = [int(segments[k]) for k in (after - 1, after) if 0 <= k < len(segments)]
-    same = f"tube.points: points {lost} and {point} are the same within {MIN_LENGTH:g} m"
-    if all(asked[lost] != asked[k] for k in beside):
-        neighbours = " and ".join(str(k) for k in beside)
-        raise ProblemError(
-            f"{same}; segment {lost} between them would be left out, but its radius, joint signs, "
-            f"tolerances or speed are those of neither segment beside it ({neighbours}): "
-            "remove one of the points, or give them what a neighbour has"
-        )
-    if angles is not None and angles[lost] > _SAME_ORIENTATION:
-        raise ProblemError(
-            f"{same}, but tube.orientations turn by {angles[lost]:.3g} rad between them: a tool "
-            "cannot turn on the spot here; move one of the points, or give both one orientation"
-        )
 
 
 # ---- Reference points and radii of a tube, checked.

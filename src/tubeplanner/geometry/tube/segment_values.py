@@ -47,9 +47,9 @@ def segment_values(given: Any, segments: int, what: SegmentNumber) -> FloatArray
     """
     if given is None:
         return None
-    given = given.tolist() if isinstance(given, np.ndarray) else given
-    is_list = isinstance(given, Sequence) and not isinstance(given, str)
-    entries: list[Any] = list(given) if is_list else [given] * segments
+    values = given.tolist() if isinstance(given, np.ndarray) else given
+    is_list = isinstance(values, Sequence) and not isinstance(values, str)
+    entries: list[Any] = list(values) if is_list else [values] * segments
     if len(entries) != segments:
         raise ProblemError(
             f"{what.field} has {len(entries)} values for {segments} segments; give one, or one "
@@ -121,7 +121,17 @@ def joint_ranges(
         for row in signs
     )
     for k, (before, after) in enumerate(pairwise(ranges) if visit == "ordered" else ()):
-        _require_switch(k, before, after)
+        for name in before.keys() & after.keys():
+            lower = max(before[name][0], after[name][0])
+            upper = min(before[name][1], after[name][1])
+            if lower > upper:
+                raise ContradictionError(
+                    f"tube.joint_signs: joint '{name}' has the range {list(before[name])} in "
+                    f"segment {k} and {list(after[name])} in segment {k + 1}, which do not meet; "
+                    "give ranges that share a value",
+                    Location(joint=name, segment=k),
+                    proved=lower - upper > 2 * MARGIN_TOLERANCE or None,
+                )
     return ranges
 
 
@@ -143,19 +153,3 @@ def _range(where: str, sign: JointSign) -> JointRange:
             return lower, upper
         raise ProblemError(f"{where}: the range [{lower:g}, {upper:g}] is reversed or no number")
     raise ProblemError(f"{where}: {shown(sign)} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
-
-
-def _require_switch(
-    k: int, before: Mapping[str, JointRange], after: Mapping[str, JointRange]
-) -> None:
-    for name in before.keys() & after.keys():
-        lower = max(before[name][0], after[name][0])
-        upper = min(before[name][1], after[name][1])
-        if lower > upper:
-            raise ContradictionError(
-                f"tube.joint_signs: joint '{name}' has the range {list(before[name])} in segment "
-                f"{k} and {list(after[name])} in segment {k + 1}, which do not meet; give ranges "
-                "that share a value",
-                Location(joint=name, segment=k),
-                proved=lower - upper > 2 * MARGIN_TOLERANCE or None,
-            )

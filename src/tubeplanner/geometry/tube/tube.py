@@ -496,7 +496,10 @@ def joined_segments(tube: Tube) -> Tube:
 
 
 def _are_one(tube: Tube, first: int, last: int) -> bool:
-    """Return True if a segment can be joined with those from `first` on, which can be joined."""
+    """Return True if a segment can be joined with those from `first` on, which can be joined.
+
+    They are on one line, and turn at the same rate about the same axis.
+    """
     if tube.radius[last] != tube.radius[first] or tube.conditions[last] != tube.conditions[first]:
         return False
     points = tube.points[first : last + 2]
@@ -509,18 +512,9 @@ def _are_one(tube: Tube, first: int, last: int) -> bool:
     # A point may be off the line, or behind its predecessor.
     if not (off.max() <= _ON_LINE and (np.diff(fractions) > 0).all()):
         return False
-    return tube.rotation is None or _rotates_evenly(tube.rotation, first, last, fractions)
-
-
-def _rotates_evenly(rotation: RotationalTube, first: int, last: int, fractions: FloatArray) -> bool:
-    """Return True if segments turn at the same rate about the same axis.
-
-    Args:
-        rotation: The reference orientations.
-        first: Index of the first segment.
-        last: Index of the last segment.
-        fractions: Of the points from the start of the first to the end of the last, shape (P,).
-    """
+    rotation = tube.rotation
+    if rotation is None:
+        return True
     part = slice(first, last + 1)
     if np.linalg.norm(rotation.rotation_change[part], axis=1).sum() >= _HALF_TURN:
         return False
