@@ -54,7 +54,7 @@ def assert_dynamics_agree(robot, low, high):
     for _ in range(10):
         q, v = random.uniform(low, high, (1, count)), random.uniform(-2, 2, (1, count))
         effort = random.uniform(-1, 1, count) * np.minimum(robot.limits.effort, 100)
-        arm.location(q[0], v[0])
+        arm.place(q[0], v[0])
         found = arm.acceleration(effort)
         columns = [robot.inverse_dynamics(q, still, unit[None])[0] for unit in np.eye(count)]
         mass_matrix = np.transpose(columns - robot.gravity_effort(q))
@@ -93,7 +93,7 @@ def test_every_plant_has_its_own_bodies_and_motors(tmp_path):
     plants = drawn_plants(robot, Robustness.exact(mass=0.5, friction=0.5), Draw(3))
     arms = mujoco_arms(robot, plants, STEP)
     for arm in arms:
-        arm.location(np.array([0.4]), np.array([2.0]))
+        arm.place(np.array([0.4]), np.array([2.0]))
     found = [arm.acceleration(np.array([1.5]))[0] for arm in arms]
     fractions = np.array([plant.bodies[1].mass / 2.0 for plant in plants])
     friction = np.array([plant.motors.viscous_friction[0] * 2.0 for plant in plants])
@@ -112,7 +112,7 @@ def test_a_swing_is_that_of_the_differential_equation(tmp_path):
         return [state[1], (effort - weight - 0.5 * state[1]) / inertia]
 
     arm = exact_arm(robot)
-    arm.location(np.array([0.4]), np.array([-1.0]))
+    arm.place(np.array([0.4]), np.array([-1.0]))
     for _ in range(2000):
         arm.step(np.array([effort]))
     expected = solve_ivp(rates, (0, 2000 * STEP), [0.4, -1.0], rtol=1e-12, atol=1e-12).y[:, -1]
@@ -124,10 +124,10 @@ def test_friction_differs_by_direction_and_holds_a_joint_up_to_its_size(tmp_path
     robot = with_motors(one_joint(tmp_path), backwards_friction=1.0, forwards_friction=3.0)
     arm = exact_arm(robot)
     for way, friction in ((1.0, 3.0), (-1.0, -1.0)):
-        arm.location(np.zeros(1), np.array([way]))
+        arm.place(np.zeros(1), np.array([way]))
         rate = arm.acceleration(np.array([0.5]))
         np.testing.assert_allclose(rate, (0.5 - friction) / INERTIA, rtol=1e-6)
-    arm.location(np.zeros(1), np.zeros(1))
+    arm.place(np.zeros(1), np.zeros(1))
     for _ in range(4000):
         arm.step(np.array([effort]))
     assert (abs(arm.position[0]) < 1e-3) == sticks
@@ -140,10 +140,10 @@ def test_friction_creeps_at_rest_and_is_whole_from_one_step_of_it_on(tmp_path):
     arm = exact_arm(robot)
     inertia, upright = INERTIA + 20.0 * LEVER**2 + 0.3, np.array([np.pi / 2])
     whole = 3.0 / inertia
-    arm.location(upright, np.zeros(1))
+    arm.place(upright, np.zeros(1))
     assert arm.acceleration(np.array([2.0])) == pytest.approx(1e-4 * 2.0 / inertia, rel=1e-6)
     for fraction, expected in ((0.5, 0.5), (2.0, 1.0)):
-        arm.location(upright, np.array([fraction * whole * STEP]))
+        arm.place(upright, np.array([fraction * whole * STEP]))
         assert arm.acceleration(np.zeros(1)) == pytest.approx(-expected * whole, rel=1e-3)
 
 
@@ -166,7 +166,7 @@ def wrong_arms(robot, runs=5):
     random = np.random.default_rng(3)
     arms = mujoco_arms(robot, drawn_plants(robot, Robustness(), Draw(runs)), STEP)
     for arm in arms:
-        arm.location(*random.uniform(-0.5, 0.5, (2, robot.joint_count)))
+        arm.place(*random.uniform(-0.5, 0.5, (2, robot.joint_count)))
     most = np.minimum(robot.limits.effort, 30.0)
     return arms, most * random.uniform(-1, 1, (PERIODS, STEPS, runs, robot.joint_count))
 
@@ -231,7 +231,7 @@ def test_they_go_on_as_others_where_they_are(slide):
         moved.move(effort, np.arange(runs))
         moved.become(second)
         for arm, *state in zip(second, moved.position, moved.velocity, strict=True):
-            arm.location(*state)
+            arm.place(*state)
             arm.step(effort[0, 0])
         moved.move(effort, np.arange(runs))
         np.testing.assert_array_equal(moved.position, [arm.position for arm in second])

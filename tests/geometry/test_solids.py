@@ -139,7 +139,7 @@ def test_what_is_carried_must_clear_the_obstacles(two_link):
     # What is refused is refused sooner by this method.
     result = plan(problem, PlanOptions("stop-at-corners"))
     assert result.status is PlanStatus.TUBE_BLOCKED
-    assert (result.position.links, result.position.obstacle) == (("bar",), "post")
+    assert (result.location.links, result.location.obstacle) == (("bar",), "post")
     assert plan(replace(problem, ignore_collisions=[("bar", "post")]), SHORTEST).succeeded
 
 

@@ -80,7 +80,9 @@ SAYS = {
     "JointTrajectory": [" s: ", "pieces of degree", "joint1, joint2"],
     "Obstacle": ["post", "0.0605 x 0.0605 x 0.3 m about [0.4, 0.22, 0]", "1 convex shape"],
     "PlannedItem": ["index=0", "no/such/file.yaml"],
-    "Placement": ["of two_link/around_a_post: 100 stands tried, best Stand(x=0.1, y=0.2"],
+    "Placement": [
+        "of two_link/around_a_post: 100 base placements tried, best BasePlacement(x=0.1, y=0.2"
+    ],
     "PlanResult": ["success by refinement", "certified trajectory of"],
     "Planner": ["two_link/around_a_post: refinement", "nothing planned yet"],
     "PlanningProblem": [

@@ -499,7 +499,7 @@ def test_what_many_arms_need_more_is_kept_back_as_well():
         ({"more": {MANY: 5e-5}}, 1, True),
         ({"always": 12e-3, "links_meet": 0.1}, 1, False),
         ({"most_radius": 1.15e-3, "more": {MANY: 2e-4}}, 1, False),  # with more there is no plan
-        ({"room": 1.15e-3, "more": {MANY: 2e-3}}, 6, False),
+        ({"slack": 1.15e-3, "more": {MANY: 2e-3}}, 6, False),
     ],
 )
 def test_it_is_tried_with_many_arms_until_it_survives_or_no_more_can_be(formulas, count, survives):

@@ -203,7 +203,7 @@ def lone_end(has, lacks):
             "preset a: motors.armature: unknown joint 'joint'; there is: j, k",
         ),
         (
-            {"called": "robot.", "armature": {"f": 1}},
+            {"label": "robot.", "armature": {"f": 1}},
             "robot.motors.armature: joint 'f' follows 'j' and has no motor of its own; give what "
             "'j' feels of it, or leave it out",
         ),

@@ -138,7 +138,7 @@ def test_our_sources_and_presets_are_read(tmp_path, monkeypatch):
     assert found[2] == found[3]
 
 
-@pytest.mark.parametrize("dirs", [["fraction"], {"cell": "share/cell"}], ids=["list", "map"])
+@pytest.mark.parametrize("dirs", [["share"], {"cell": "share/cell"}], ids=["list", "map"])
 def test_a_mesh_in_a_package_is_found(folder, dirs):
     held = document()
     held["robot"]["package_dirs"] = dirs

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -233,7 +233,8 @@ class RunSummary:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""
-        return asdict(self)
+        worst = {"value": self.worst.value, "place": self.worst.location.as_dict()}
+        return {"worst": worst, "run": self.run, "median": self.median}
 
 
 def summaries(runs: Sequence[JudgedRun]) -> dict[str, RunSummary | None]:

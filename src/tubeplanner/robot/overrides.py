@@ -214,8 +214,8 @@ class MotorOverrides:
         fraction = self.friction_uncertainty
         if fraction is not None and not (is_number(fraction) and 0 <= fraction < 1):
             raise RobotError(
-                f"robot.motors.friction_uncertainty is {in_figures(fraction)}; give a share from "
-                "0, below 1"
+                f"robot.motors.friction_uncertainty is {in_figures(fraction)}; give a "
+                "fraction from 0, below 1"
             )
 
     def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:

@@ -231,7 +231,9 @@ class Placement:
         answer = (
             "no stand has a motion" if self.best is None else f"best {self.best.base_placement}"
         )
-        return f"<Placement of {self.problem.name}: {len(self.rows)} stands tried, {answer}>"
+        return (
+            f"<Placement of {self.problem.name}: {len(self.rows)} base placements tried, {answer}>"
+        )
 
     @property
     def succeeded(self) -> bool:

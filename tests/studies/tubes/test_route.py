@@ -122,7 +122,7 @@ def test_clearance_is_the_distance_beyond_the_required_one():
     assert space.clearance(problem.start) == pytest.approx(0.75 - 0.05 - 0.62 - 0.01, abs=1e-6)
     assert space.is_free(problem.start)
     wider = FreeSpace(problem, 0.1, np.array([[1.0, 0]]))
-    assert wider.lacking(problem.start).obstacle == "ball"
+    assert wider.shortfall(problem.start).obstacle == "ball"
     # An end that has no more clearance itself does not ask for it.
     assert FreeSpace(problem, 0.1, problem.start[None]).is_free(problem.start)
 

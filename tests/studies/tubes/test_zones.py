@@ -158,7 +158,7 @@ REFUSALS = [
         "fanuc",
         corner(90),
         ["CNT50"],
-        "CNT50 is a fraction of the speed and says nothing of the path",
+        "CNT50 is a share of the speed and says nothing of the path",
     ),
     ("fanuc", corner(90), ["CRx"], "unknown zone 'CRx'.*there is: FINE, CR50"),
     ("ur", corner(90), ["z50"], "unknown zone 'z50'; there is: none"),

@@ -126,7 +126,8 @@ def distinct_points(
         if angles is not None and angles[lost] > _SAME_ORIENTATION:
             raise ProblemError(
                 f"{same}, but tube.orientations turn by {angles[lost]:.3g} rad between them: a "
-                "tool cannot turn on the spot here; move one of the points, or give both one orientation"
+                "tool cannot turn on the spot here; move one of the points, or give "
+                "both one orientation"
             )
     return DistinctPoints(remaining, remaining[1:] - 1, dropped)
 
