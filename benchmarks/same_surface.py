@@ -64,6 +64,7 @@ def runs(commands: list[str], checkout: Path) -> list[Run]:
     scripts = tomllib.loads((checkout / "pyproject.toml").read_text())["project"]["scripts"]
     program = [sys.executable, "-c", RUN.format(*scripts["tubeplanner"].split(":"))]
     covers = {"COLUMNS": "120", "TUBEPLANNER_CACHE": str(checkout / "output/surface-covers")}
+    covers["SOURCE_DATE_EPOCH"] = "0"  # pages have their date
     results: list[Run] = []
     with tempfile.TemporaryDirectory() as path:
         folder = Path(path).resolve() / "surface"  # problems are named after it

@@ -102,7 +102,7 @@ for name, (begin, end) in result.motion.move_times.items():
 # are; if these change too, more time may be saved.
 
 # %%
-print("10 % more would save:")
+print("raising a limit by 10 % would save:")
 for sensitivity in result.sensitivities[:6]:
     print("  ", sensitivity)
 

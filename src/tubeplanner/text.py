@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -106,6 +106,30 @@ def value_text(value: Any) -> str:
     """Return the text of a field's value for a table; lists and maps as JSON."""
     plain = json_value(value)
     return plain if isinstance(plain, str) else json.dumps(plain)
+
+
+# ---- Times, and limits that cost time.
+
+_MIN_SAVING = 1e-6  # [s]: smaller savings are rounding
+
+
+class LimitCost(Protocol):
+    """Cost of a limit; its text names the limit and the saving."""
+
+    @property
+    def saved(self) -> float:
+        """Time that 10 % more of the limit would save [s]."""
+
+
+def in_milliseconds(seconds: float) -> str:
+    """Return a time in ms, with two digits or more."""
+    value = 1000 * seconds
+    return f"{value:.0f} ms" if value >= 9.95 else f"{value:.2g} ms"
+
+
+def savings(costs: Iterable[LimitCost]) -> list[str]:
+    """Return the limits whose rise saves time, each with its saving, in the given order."""
+    return [str(cost) for cost in costs if cost.saved > _MIN_SAVING]
 
 
 # ---- Cells of tables that spreadsheets would run: text that begins as a formula does.

@@ -196,7 +196,7 @@ def test_a_problem_with_an_answer_shows_what_limits_it_and_its_room():
     text = text_of(
         PlanStatus.SUCCESS, Location(), sensitivities=(dear, free), headrooms=(CLOSE, ROOM)
     )
-    assert f"what limits it most; 10 % more would save:\n  {dear}\n" in text
+    assert f"raising a limit by 10 % would save:\n  {dear}\n" in text
     assert str(free) not in text
     assert cells(text, "radius 30") == ["radius 30 -> 5 mm", "2.250 s", "0.5 rad", ROOM.field]
     assert cells(text, "not even so")[1:3] == ["", "0.5 rad (not narrowed)"]

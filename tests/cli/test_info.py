@@ -75,9 +75,13 @@ def test_a_problem_has_start_tube_and_solids(run):
     assert (task["segments"][0]["radius"], task["start"]["kind"]) == (0.03, "joints")
     assert task["start"]["tool"] == pytest.approx([0.45, -0.3, 0.2], abs=1e-3)
     assert (task["payload"]["mass"], len(task["obstacles"])) == (5.0, 5)
+    wall = next(each for each in task["obstacles"] if each["name"] == "wall")
+    assert wall["size"] == pytest.approx([0.6, 0.05, 0.25])
+    assert (len(wall["center"]), wall["shapes"]) == (3, 1)
     text = run("info", "example:ur5/every_field")[1]
     assert "obstacle wall: 0.6 x 0.05 x 0.25 m" in text
     assert "elbow_joint >= 0" in text
+    assert "rotation within [0.0524, 0.0524, free]; " in run("info", "example:ur5/level_tray")[1]
 
 
 def test_where_the_robot_stands_is_told(run):

@@ -57,7 +57,7 @@ def test_plan_writes_what_was_asked_and_says_where(run, tmp_path):
     for path in files.values():
         assert path.stat().st_size > 1000
         assert str(path) in out
-    assert "stop-at-corners" in files["--html"].read_text()
+    assert "planned motion" in files["--html"].read_text()
     assert "success: certified trajectory of" in out
     assert "time left on this path: motors that switch instantly would take" in out
     _, peaks, missing, *_ = out.splitlines()
@@ -95,7 +95,7 @@ def test_json_is_one_object_and_the_answer_smooth_unless_the_shortest_is_asked_f
     assert smooth["shortest_duration"] == shortest["shortest_duration"] == least
     assert least < smooth["duration"] <= 1.005 * least * (1 + 1e-9)
     smoothed = [
-        any(note.startswith("smoothed: the shortest motion takes") for note in fields["notes"])
+        any(note.startswith("smoothed: ") for note in fields["notes"])
         for fields in (smooth, shortest)
     ]
     assert smoothed == [True, False]

@@ -27,7 +27,7 @@ def test_a_cycle_is_told_and_written(run, answered, cycle_path):
     for row in ("over", "at rest: gripper 'close' (0.05 s), attach part", "with down"):
         assert row in text
     assert "success: certified cycle of 1." in text
-    assert "10 % more would save, over the cycle: effort of joint2: " in text
+    assert "raising a limit by 10 % would save, over the cycle: effort of joint2: " in text
     assert all(file.stat().st_size > 1000 for file in outputs.values())
     assert len(list(yaml.safe_load_all(outputs["--ros"].read_text()))) == 3
     rows = list(csv.reader(outputs["--csv"].read_text().splitlines()))

@@ -73,7 +73,10 @@ FIELDS = {
         (f"{RUNS} --runs 0", "runs is 0"),
         # Before any work, which would find that there is no problem.
         ("simulate example:no/such no.json --plot runs.jpg", "name a file that ends in .png"),
-        ("simulate example:no/such no.json --html runs.png", "--html runs.png: a page is written"),
+        (
+            "simulate example:no/such no.json --html runs.png",
+            "--html runs.png: name a file",
+        ),
         ("simulate example:no/such no.json --plot nowhere/a.png", "nowhere does not exist"),
         ("init example:two_link -o a.json", "a.json"),
         ("info example:nothing", "nothing"),

@@ -94,8 +94,8 @@ def test_moves_and_rests_follow_each_other_without_a_gap(small_plan):
 def test_what_configurations_in_common_save_is_told_where_it_is_something(small_plan):
     shortest = small_plan.shortest_duration
     gained = replace(small_plan, greedy_duration=shortest + 0.05)
-    assert "configurations between moves chosen together save 0.0500 s: " in text_of(gained)
-    assert "chosen together" not in text_of(replace(small_plan, greedy_duration=shortest))
+    assert "configurations chosen over the whole cycle save 0.0500 s: " in text_of(gained)
+    assert "over the whole cycle" not in text_of(replace(small_plan, greedy_duration=shortest))
 
 
 def test_the_dearest_limits_of_the_whole_and_an_early_stop_are_told(small_plan):
@@ -104,8 +104,14 @@ def test_the_dearest_limits_of_the_whole_and_an_early_stop_are_told(small_plan):
     dear = CycleSensitivity("velocity", "joint1", None, None, 0.031)
     free = CycleSensitivity("radius", None, "beside", 0, 0.0)
     text = text_of(replace(small_plan, sensitivities=(dear, free), stopped_by="time_limit"))
-    assert "10 % more would save, over the cycle: velocity of joint1: 31 ms\n" in text
+    assert "raising a limit by 10 % would save, over the cycle: velocity of joint1: 31 ms\n" in text
     assert "stopped by time limit" in text
+
+
+def test_a_cost_of_joined_segments_names_all_of_them():
+    joined = CycleSensitivity("radius", None, "bead", 131, 0.21, 151)
+    assert str(joined) == "radius of segments 131 to 151 of move 'bead': 210 ms"
+    assert str(replace(joined, saved=0.0037, last_segment=131)).endswith("'bead': 3.7 ms")
 
 
 def test_conditions_and_prices_are_told_where_they_are_tightest(small_plan):

@@ -114,7 +114,7 @@ def test_the_whole_the_moves_and_what_changes_hands_are_told(run, case, tmp_path
         assert any(line.startswith(f"{move} ") and "of 1" in line for line in lines)
     assert f"\n{DURATION + DWELL:.4f} s: attach part " in text
     assert any(": detach part " in line for line in lines)
-    assert "note: what is taken or let go stands where the planned motion has it" in text
+    assert "note: parts rest, and lie in the hand, where the planned motion has them" in text
     assert "survived 0 of 1 simulated arms" in text
     assert "from the plan: 1 left the tube" in text
     assert "the trajectory was made for another cycle" in text

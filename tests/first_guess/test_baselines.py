@@ -150,7 +150,7 @@ def test_a_tool_that_turns_cannot_follow_a_line(tmp_path):
 def test_what_cannot_be_reached_is_refused_with_its_place(bundled):
     tube = Tube([[0.3, -0.5, 0], [0.9, 0.5, 0]], 0.03, joint_signs={"joint2": "-"})
     far = bundled("two_link/paper_1_30mm").with_tube(tube)
-    with pytest.raises(Infeasible, match="the joints without limits") as caught:
+    with pytest.raises(Infeasible, match="short even without joint limits") as caught:
         judged_baseline(far, "conventional")
     assert caught.value.status is PlanStatus.UNREACHABLE
     assert caught.value.location.segment == 0

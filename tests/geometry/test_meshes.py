@@ -84,9 +84,12 @@ PLY = b"""ply\nformat ascii 1.0\nelement vertex 4
 property float x\nproperty float y\nproperty float z
 element face 2\nproperty list uchar int vertex_index\nend_header
 0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 99\n"""
+FACES = b"element face 2\nproperty list uchar int vertex_index\n"
+CLOUD = PLY.replace(FACES, b"").removesuffix(b"3 0 1 2\n3 0 1 99\n")
 REFUSED = {
     "infinite.stl": (stl([[0, 0, 0], [np.inf, 0, 0], [0, 1, 0]], *GOOD), "that are not finite"),
-    "empty.stl": (stl(), "has no vertices or triangles"),
+    "empty.stl": (stl(), "has no triangles; points alone, as of a scan, are no solid"),
+    "cloud.ply": (CLOUD, "has no triangles; points alone, as of a scan, are no solid"),
     "huge.stl": (stl([[0, 0, 0], [1e38, 0, 0], [0, 1, 0]]), r"reaches 1e\+38 m from its origin"),
     "out_of_range.ply": (PLY, "has a triangle of vertex 99; it has 4 vertices"),
     "flat.obj": (b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "has points of 2 coordinates; a solid has 3"),

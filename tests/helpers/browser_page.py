@@ -137,6 +137,11 @@ class BrowserPage:
         with Image.open(io.BytesIO(shot)) as image:
             return np.asarray(image.convert("RGB")).astype(int)
 
+    def printed(self):
+        """Return the page as it is printed, PDF."""
+        settings = {"preferCSSPageSize": True, "printBackground": True}
+        return base64.b64decode(self._ask("Page.printToPDF", **settings)["data"])
+
     def _ask(self, method, **parameters):
         """Return the answer to a command; note what the page complains of meanwhile."""
         self._number += 1

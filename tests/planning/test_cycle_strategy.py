@@ -150,7 +150,7 @@ def test_a_blocked_move_is_told_with_its_number_name_and_segment(passes: bool) -
     else:
         assert result.location.move == "second"
         assert "move 2 of 2, 'second'" in result.message
-        assert "other configurations at its start led nowhere either" in result.message
+        assert "other start configurations have no answer either" in result.message
 
 
 @pytest.mark.parametrize("sign", "+-")

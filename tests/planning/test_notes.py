@@ -180,13 +180,13 @@ def test_efforts_that_are_all_zero_are_not_told(tmp_path):
     massless = load_robot(
         tmp_path / "bar.urdf", "bar", limits=LimitOverrides(effort=np.inf, acceleration=5.0)
     )
-    assert "the effort that swings most moves through" in gained(light, None)
+    assert "; largest effort swing " in gained(light, None)
     assert gained(massless, None).endswith(
-        "% more time, the largest jerk is 0.096 rad/s^3 ('turn') instead of 12 rad/s^3 ('turn')"
+        " s (--slack 0); largest jerk 0.096 rad/s^3 ('turn') instead of 12 rad/s^3 ('turn')"
     )
     work = gained(massless, Objective(0.1, "work"))
     assert work.startswith("work not saved: ") and work.endswith(
-        "is zero, as the links have no masses"
+        " zero, as the links have no masses"
     )
 
 
@@ -194,3 +194,11 @@ def test_energy_that_holding_the_arm_takes_is_not_called_saved(tmp_path):
     heavy = one_joint(tmp_path, mass=1.0)
     assert gained(heavy, Objective(0.1, "energy")).startswith("energy not saved: ")
     assert gained(heavy, Objective(0.1, "work")).startswith("work saved: ")
+
+
+def test_a_motion_as_long_as_the_shortest_is_not_called_longer(tmp_path):
+    """In whole periods there may be no time to give away."""
+    robot = one_joint(tmp_path)
+    before = JointTrajectory(["turn"], [0.0, 1.0], np.array([-2.0, 3.0, 0.0, 0.0])[:, None, None])
+    note = gain_note(anywhere(robot), before, before)
+    assert note.startswith("smoothed: 1.0000 s, as long as the shortest; ")

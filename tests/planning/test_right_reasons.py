@@ -92,8 +92,8 @@ def test_nothing_blocks_what_can_be_planned(possible):
 @pytest.mark.parametrize(
     ("name", "status", "named", "point"),
     [
-        ("far goal", FAR, "0.6538 m, the joints without limits; move the goal", 3),
-        ("far middle", FAR, "the joints without limits; move the reference point 2", 2),
+        ("far goal", FAR, "0.6538 m short even without joint limits; move the goal", 3),
+        ("far middle", FAR, "even without joint limits; move the reference point 2", 2),
         ("joint limit", FAR, "position limits are in the way, 'panda_joint4'", 3),
         ("joint signs", FAR, "joint signs are in the way, 'panda_joint4'", 3),
         ("heavy", HEAVY, "joint 'panda_joint6' needs", 2),

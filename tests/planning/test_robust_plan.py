@@ -191,5 +191,5 @@ def test_without_mujoco_the_field_is_refused_by_name(monkeypatch):
 
 @pytest.mark.parametrize("method", ["branch-and-bound", "stop-at-corners", "suh-bishop"])
 def test_other_methods_do_not_honour_it(method):
-    with pytest.raises(OptionError, match=f"robustness, which method '{method}' does not honour"):
+    with pytest.raises(OptionError, match=f"robustness, which method '{method}' does not support"):
         plan(problem_with(Robustness()), PlanOptions(method, slack=0.0))

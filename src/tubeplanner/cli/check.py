@@ -1,13 +1,12 @@
 """`check`: certificate of a trajectory file; controllers of `--for`."""
 
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
-from tubeplanner.certificate.cycle_verification import CycleCertificate, verify_cycle
+from tubeplanner.certificate.cycle_verification import verify_cycle
 from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE, Tolerance
 from tubeplanner.certificate.verification import Certificate, verify
 from tubeplanner.cli import console
@@ -27,7 +26,7 @@ from tubeplanner.output.controllers.verdict import ControllerVerdict
 from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_file, unit_guesses
 from tubeplanner.robot.notes import robot_notes, unlimited_notes
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion, motion_of_file, move_rows
+from tubeplanner.task.cycle_motion import motion_of_file, move_rows
 from tubeplanner.task.info import cycle_doubts, problem_doubts
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
@@ -74,8 +73,7 @@ def check(
                     "and check moves as problems of their own"
                 )
             enter("certificate")
-            checked = checked_cycle(loaded, trajectory, read, margins)
-            return _say_checked(trajectory, checked, loading_time, as_json)
+            return _check_cycle(loaded, trajectory, read, margins, loading_time, as_json)
         verdict = None if controller is None else judged_by(controller, loaded, read)
         enter("certificate")
         begin = time.perf_counter()
@@ -178,66 +176,15 @@ def judged_by(name: str, problem: PlanningProblem, file: TrajectoryFile) -> Cont
 # ---- The trajectory file of a cycle.
 
 
-@dataclass(frozen=True, eq=False)
-class CheckedCycle:
-    """The motion of a cycle from a file, and its certificate.
-
-    Attributes:
-        motion: The motion.
-        certificate: Its certificate.
-        certificate_time: Wall time of the certificate [s].
-        notes: Sentences on the file and the robot.
-    """
-
-    motion: CycleMotion
-    certificate: CycleCertificate
-    certificate_time: float
-    notes: tuple[str, ...]
-
-    @property
-    def message(self) -> str:
-        """The judgement as a predicate of a sentence, without the full stop."""
-        by_condition: dict[str, str] = {}
-        for failure in self.certificate.failures():
-            reason = self.certificate.describe(failure)
-            # Moves without a stop fail together: the first names them.
-            by_condition.setdefault(reason.partition(": ")[2], reason)
-        reasons = "; ".join(by_condition.values())
-        return f"fails: {reasons}" if reasons else "passes every condition"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the JSON object, loading_time still absent."""
-        motion, failures = self.motion, self.certificate.failures()
-        status = "certificate_failed" if failures else "success"
-        where = self.certificate.location(failures[0]) if failures else Location()
-        return {
-            **console.empty_report(status, f"the trajectory {self.message}", where.as_dict()),
-            "duration": motion.trajectory.duration,
-            "certificate_time": self.certificate_time,
-            **peaks_as_dict(trajectory_peaks(motion.cycle.robot, motion.trajectory)),
-            "moves": move_rows(motion),
-            "marks": [mark.as_dict() for mark in motion.marks],
-            "build": LIBRARY.build,
-            "notes": list(self.notes),
-            "certificate": self.certificate.as_dict(),
-            "controller": None,
-        }
-
-    def text(self) -> str:
-        """Return the printed text, without the last line."""
-        return cycle_check_text(self.motion, self.certificate, self.notes)
-
-
-def checked_cycle(
-    cycle: Cycle, path: Path, file: TrajectoryFile, tolerance: Tolerance
-) -> CheckedCycle:
-    """Judge the trajectory of a file as the motion of a cycle.
-
-    Args:
-        cycle: The cycle.
-        path: The file.
-        file: Its contents.
-        tolerance: Bound on negative margins.
+def _check_cycle(
+    cycle: Cycle,
+    path: Path,
+    file: TrajectoryFile,
+    tolerance: Tolerance,
+    loading_time: float,
+    as_json: bool,
+) -> int:
+    """Judge the trajectory of a file as the motion of a cycle; print, return the exit status.
 
     Raises:
         TrajectoryError: The file has no marks, or others than the cycle's steps, or other joints.
@@ -248,14 +195,30 @@ def checked_cycle(
     certificate_time = time.perf_counter() - begin
     doubts = (*cycle_doubts(cycle), *unlimited_notes(cycle.robot))
     notes = (*notes_on_cycle_file(cycle, file), *doubts, *robot_notes(cycle.robot))
-    return CheckedCycle(motion, certificate, certificate_time, notes)
-
-
-def _say_checked(path: Path, checked: CheckedCycle, loading_time: float, as_json: bool) -> int:
-    """Print the judgement of a cycle's motion; return the exit status."""
+    failures, by_condition = certificate.failures(), dict[str, str]()
+    for failure in failures:
+        reason = certificate.describe(failure)
+        # Moves without a stop fail together: the first names them.
+        by_condition.setdefault(reason.partition(": ")[2], reason)
+    reasons = "; ".join(by_condition.values())
+    message = f"fails: {reasons}" if reasons else "passes every condition"
     if as_json:
-        console.print_json({**checked.as_dict(), "loading_time": loading_time})
+        status = "certificate_failed" if failures else "success"
+        where = certificate.location(failures[0]) if failures else Location()
+        report = {
+            **console.empty_report(status, f"the trajectory {message}", where.as_dict()),
+            "duration": motion.trajectory.duration,
+            "certificate_time": certificate_time,
+            **peaks_as_dict(trajectory_peaks(motion.cycle.robot, motion.trajectory)),
+            "moves": move_rows(motion),
+            "marks": [mark.as_dict() for mark in motion.marks],
+            "build": LIBRARY.build,
+            "notes": list(notes),
+            "certificate": certificate.as_dict(),
+            "controller": None,
+        }
+        console.print_json({**report, "loading_time": loading_time})
     else:
-        console.say(checked.text())
-        console.say(f"{path} ({checked.motion.trajectory.duration:.4f} s) {checked.message}.")
-    return console.SUCCESS if checked.certificate.passed else console.INFEASIBLE
+        console.say(cycle_check_text(motion, certificate, notes))
+        console.say(f"{path} ({motion.trajectory.duration:.4f} s) {message}.")
+    return console.SUCCESS if certificate.passed else console.INFEASIBLE

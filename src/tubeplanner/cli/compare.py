@@ -1,7 +1,7 @@
 """`compare`: all methods on one problem."""
 
 from pathlib import Path
-from textwrap import fill
+from textwrap import TextWrapper
 from typing import Any
 
 import click
@@ -16,7 +16,7 @@ from tubeplanner.output.figures.study_figures import plot_comparison
 from tubeplanner.output.files.fingerprint import origin
 from tubeplanner.output.files.trajectory_writer import trajectory_json
 from tubeplanner.planning.options import PlanOptions
-from tubeplanner.studies.comparison import Comparison, ComparisonRow
+from tubeplanner.studies.comparison import Comparison
 from tubeplanner.studies.comparison import compare as compare_methods
 from tubeplanner.writing import require_writable
 
@@ -119,7 +119,11 @@ def comparison_text(result: Comparison) -> str:
         names = ", ".join(_MEASURED[count:])
         lines.append(f"left out, the terminal being narrow: {names}; -o TABLE.csv has all")
     lines += [f"{row.method}: {row.message}" for row in result.rows]
-    return "\n".join(map(_wrapped, lines))
+    width = terminal().width  # lines that fit stay unchanged, with their runs of spaces
+    wrap = TextWrapper(
+        width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    )
+    return "\n".join(line if len(line) <= width else wrap.fill(line) for line in lines)
 
 
 def _table(result: Comparison, count: int) -> Table:
@@ -137,18 +141,13 @@ def _table(result: Comparison, count: int) -> Table:
             duration = f"{row.duration:.4f} s"
             failed = [f"{name} {_excess(condition)}" for name, condition in row.failures.items()]
             verdict = "FAILS: " + ",\n".join(failed) if failed else "passes"
-        table.add_row(row.method, duration, verdict, *_measures(row)[:count])
+        cells = [f"{row.planning_time:.2f} s"]
+        if (own := row.measures) is not None:
+            jerk = "unbounded" if own.peak_jerk is None else f"{own.peak_jerk:.2g}"
+            fractions = (f"{100 * value:.0f} %" for value in (own.at_limit, own.tube_use))
+            cells += [own.smoothness, jerk, *fractions]
+        table.add_row(row.method, duration, verdict, *cells[:count])
     return table
-
-
-def _measures(row: ComparisonRow) -> list[str]:
-    """Return the cells of `_MEASURED`."""
-    time, measures = f"{row.planning_time:.2f} s", row.measures
-    if measures is None:
-        return [time]
-    jerk = "unbounded" if measures.peak_jerk is None else f"{measures.peak_jerk:.2g}"
-    fractions = (f"{100 * value:.0f} %" for value in (measures.at_limit, measures.tube_use))
-    return [time, measures.smoothness, jerk, *fractions]
 
 
 def _excess(condition: JudgedCondition) -> str:
@@ -158,11 +157,3 @@ def _excess(condition: JudgedCondition) -> str:
         return f"{excess:.3g} {condition.unit}"
     percent = 100 * excess
     return f"{percent:.3g} %" if percent < _MANY else f"{percent:.0f} %"
-
-
-def _wrapped(line: str) -> str:
-    """Return a line, wrapped between words if wider than the terminal."""
-    width = terminal().width
-    if len(line) <= width:  # unchanged, with its runs of spaces
-        return line
-    return fill(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 PATH = click.Path(path_type=Path, dir_okay=False)
+PAGE_ENDINGS = ".html", ".htm"
 INPUT = click.Path(path_type=Path)  # the reader of the file reports faults, in one line
 FOLDER = click.Path(path_type=Path, file_okay=False)
 SLACK = click.option(
@@ -134,16 +135,6 @@ def require_ending(path: Path | None, option: str, endings: tuple[str, ...]) -> 
     """
     if path is not None and path.suffix.lower() not in endings:
         raise OptionError(f"{option} {path}: name a file that ends in {' or '.join(endings)}")
-
-
-def require_page(path: Path | None) -> None:
-    """Raise unless the name of a page is None or ends in .html or .htm.
-
-    Raises:
-        OptionError: The ending is another.
-    """
-    if path is not None and path.suffix.lower() not in (".html", ".htm"):
-        raise OptionError(f"--html {path}: a page is written; name a file that ends in .html")
 
 
 def require_used(changes: Iterable[str], slack: float | None) -> None:

@@ -16,6 +16,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies.explanation import Explanation, ineffective_text, setting_text, tried_text
 from tubeplanner.studies.explanation import explain as search
 from tubeplanner.studies.remedies import Headroom, Remedy
+from tubeplanner.text import savings
 from tubeplanner.writing import require_writable
 
 _SENSITIVITIES_SHOWN = 10
@@ -54,7 +55,7 @@ def explain(
     does not count: plan names the error that no motion survives. Exit status 0 if the problem can
     be solved, as it is or with a change; else that of plan.
     """
-    console.require_page(html)
+    console.require_ending(html, "--html", console.PAGE_ENDINGS)
     if html is not None:
         require_writable([html], [Path(problem)])
     options = PlanOptions(quality=quality)
@@ -146,10 +147,8 @@ def _headroom_lines(explanation: Explanation) -> list[str]:
     result = explanation.result
     assert result is not None
     lines = []
-    largest = [each for each in result.sensitivities[:_SENSITIVITIES_SHOWN] if each.saved > 0]
-    if largest:
-        lines.append("what limits it most; 10 % more would save:")
-        lines += [f"  {each}" for each in largest]
+    if largest := savings(result.sensitivities)[:_SENSITIVITIES_SHOWN]:
+        lines += ["raising a limit by 10 % would save:", *(f"  {each}" for each in largest)]
     if result.certificate is not None:
         lines.append(certificate_text(result.certificate))
     if explanation.headrooms:

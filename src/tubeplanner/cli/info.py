@@ -398,7 +398,9 @@ def _conditions(problem: PlanningProblem, k: int) -> str:
     """Return the conditions of a segment beside its radius."""
     tube, parts = problem.tube, []
     if tube.rotation is not None and np.isfinite(tube.rotation.bounds[k]).any():
-        parts.append(f"rotation within {_numbers(tube.rotation.bounds[k])}")
+        *axes, angle = (f"{bound:.4g}" for bound in tube.rotation.bounds[k])
+        within = f"[{', '.join(axes).replace('inf', 'free')}]" if angle == "inf" else angle
+        parts.append(f"rotation within {within}")
     if tube.tool_speed is not None and np.isfinite(tube.tool_speed[k]):
         parts.append(f"tool speed {tube.tool_speed[k]:g}")
     if tube.clearance is not None and np.isfinite(tube.clearance[k]):

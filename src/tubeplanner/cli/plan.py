@@ -3,7 +3,6 @@
 Figures and pages are imported only on request: they load parts of SciPy that plans do not need.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -16,22 +15,17 @@ from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import cycle_plan_text, plan_text
 from tubeplanner.errors import OptionError
 from tubeplanner.limits.peaks import peaks_as_dict, trajectory_peaks
-from tubeplanner.outcome import ProgressCallback
 from tubeplanner.output.figures.figure_files import figure_file, require_figure
 from tubeplanner.output.files.trajectory_writer import (
     TrajectoryFiles,
     cycle_contents,
     require_no_formula,
 )
-from tubeplanner.planning.cycle_result import CycleResult
 from tubeplanner.planning.cycle_strategy import plan_cycle
 from tubeplanner.planning.options import METHODS, PlanOptions
-from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan as plan_problem
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.writing import require_writable
 
 
@@ -81,111 +75,40 @@ def plan(
     with console.shown_progress() as enter:
         loaded, loading_time = console.load_either_timed(problem, enter, changes)
         outputs.require_usable(problem, loaded.robot.urdf.path)
-        outputs.require_names(loaded.robot.joint_names)
-        answer = planned(loaded, options, enter, with_minimum=time_left)
-        succeeded = answer.result.succeeded
-        if succeeded:
+        if csv is not None:
+            require_no_formula(loaded.robot.joint_names)
+        if isinstance(loaded, Cycle) and time_left:
+            raise OptionError(
+                "--time-left is about the path of one motion, and a cycle has several; leave it "
+                "out, or plan a move as a problem of its own"
+            )
+        plan_either: Any = plan_cycle if isinstance(loaded, Cycle) else plan_problem
+        result = plan_either(loaded, options, enter)
+        if result.succeeded:
             held = hold_interrupts()
-            answer = answer.written(outputs)
+            result = outputs.written(loaded, result)
             interrupted = bool(held)
     if as_json:
-        fields = {**answer.as_dict(), "loading_time": loading_time}
-        console.print_json(fields | ({"stopped_by": "interrupt"} if interrupted else {}))
+        fields = result.as_dict()
+        if isinstance(loaded, Cycle):
+            motion = result.motion
+            peaks = motion and trajectory_peaks(loaded.robot, motion.trajectory)
+            fields |= peaks_as_dict(peaks)
+        fields["path_minimum"] = result.path_minimum if time_left else None
+        stopped = {"stopped_by": "interrupt"} if interrupted else {}
+        console.print_json({**fields, "loading_time": loading_time, **stopped})
     else:
-        console.say(answer.text(loading_time))
-        for kind, path in outputs.paths() if succeeded else ():
+        if isinstance(loaded, Cycle):
+            text = cycle_plan_text(loaded, result, loading_time)
+        else:
+            text = plan_text(loaded, result, loading_time, with_minimum=time_left)
+        console.say(text)
+        for kind, path in outputs.paths() if result.succeeded else ():
             if console.unless_failed(path):
                 console.say(f"{kind}: {path}")
-        if succeeded and not outputs.paths():
+        if result.succeeded and not outputs.paths():
             console.say_unwritten("-o T.json", "--csv", "--ros", "--plot", "--html")
-    return console.SUCCESS if succeeded else console.INFEASIBLE
-
-
-def planned(
-    loaded: PlanningProblem | Cycle,
-    options: PlanOptions,
-    enter: ProgressCallback,
-    *,
-    with_minimum: bool,
-) -> "PlannedProblem | PlannedCycle":
-    """Plan a problem or a cycle.
-
-    Args:
-        loaded: The problem or cycle.
-        options: Options of the plan.
-        enter: Progress callback, as of `plan`.
-        with_minimum: True to report the least time for the path, of a problem.
-
-    Raises:
-        OptionError: `with_minimum` for a cycle.
-    """
-    if not isinstance(loaded, Cycle):
-        return PlannedProblem(loaded, plan_problem(loaded, options, enter), with_minimum)
-    if with_minimum:
-        raise OptionError(
-            "--time-left is about the path of one motion, and a cycle has several; leave it out, "
-            "or plan a move as a problem of its own"
-        )
-    return PlannedCycle(loaded, plan_cycle(loaded, options, enter))
-
-
-@dataclass(frozen=True, eq=False)
-class PlannedProblem:
-    """A problem and the result of planning it.
-
-    Attributes:
-        problem: The problem.
-        result: Its result.
-        with_minimum: True to report the least time for the path.
-    """
-
-    problem: PlanningProblem
-    result: PlanResult
-    with_minimum: bool
-
-    def written(self, outputs: "PlanOutputs") -> "PlannedProblem":
-        """Write the answer to files; return the answer with notes on the files."""
-        assert self.result.trajectory is not None
-        notes = outputs.write(self.problem, self.result.method, self.result.trajectory)
-        return replace(self, result=replace(self.result, notes=(*self.result.notes, *notes)))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the JSON object, loading_time still absent."""
-        minimum = self.result.path_minimum if self.with_minimum else None
-        return {**self.result.as_dict(), "path_minimum": minimum}
-
-    def text(self, loading_time: float) -> str:
-        """Return the printed text, with the loading time [s]."""
-        return plan_text(self.problem, self.result, loading_time, with_minimum=self.with_minimum)
-
-
-@dataclass(frozen=True, eq=False)
-class PlannedCycle:
-    """A cycle and the result of planning it.
-
-    Attributes:
-        cycle: The cycle.
-        result: Its result.
-    """
-
-    cycle: Cycle
-    result: CycleResult
-
-    def written(self, outputs: "PlanOutputs") -> "PlannedCycle":
-        """Write the answer to files; return the answer with notes on the files."""
-        assert self.result.motion is not None
-        notes = outputs.write_cycle(self.result.method, self.result.motion)
-        return replace(self, result=replace(self.result, notes=(*self.result.notes, *notes)))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the JSON object, loading_time still absent."""
-        motion = self.result.motion
-        peaks = None if motion is None else trajectory_peaks(self.cycle.robot, motion.trajectory)
-        return {**self.result.as_dict(), **peaks_as_dict(peaks), "path_minimum": None}
-
-    def text(self, loading_time: float) -> str:
-        """Return the printed text, with the loading time [s]."""
-        return cycle_plan_text(self.cycle, self.result, loading_time)
+    return console.SUCCESS if result.succeeded else console.INFEASIBLE
 
 
 @dataclass(frozen=True)
@@ -204,72 +127,48 @@ class PlanOutputs:
 
     def paths(self) -> list[tuple[str, Path]]:
         """Return the requested files: kind and path."""
-        paths = {
-            "trajectory": self.files.json,
-            "CSV": self.files.csv,
-            "ROS": self.files.ros,
-            "plot": self.plot,
-            "view": self.html,
-        }
-        return [(kind, path) for kind, path in paths.items() if path is not None]
+        files = self.files
+        kinds = ("trajectory", "CSV", "ROS", "plot", "view")
+        paths = zip(kinds, (files.json, files.csv, files.ros, self.plot, self.html), strict=True)
+        return [(kind, path) for kind, path in paths if path is not None]
 
     def require_usable(self, *inputs: str | Path) -> None:
         """Raise if a file cannot be written, before any work is done."""
         require_figure(self.plot, "--plot")
-        console.require_page(self.html)
+        console.require_ending(self.html, "--html", console.PAGE_ENDINGS)
         require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
 
-    def require_names(self, joint_names: Sequence[str]) -> None:
-        """Raise if a file cannot hold the names of the joints, before any work is done."""
-        if self.files.csv is not None:
-            require_no_formula(joint_names)
-
-    def write(
-        self, problem: PlanningProblem, method: str, trajectory: JointTrajectory
-    ) -> tuple[str, ...]:
-        """Write the files of a trajectory; return notes on the files."""
-
-        def figure(path: Path) -> bytes:
-            from tubeplanner.output.figures.trajectory_figures import plot_trajectory
-
-            return figure_file(plot_trajectory(problem, trajectory), path)
-
-        def page(_: Path) -> bytes:
-            from tubeplanner.output.page.viewer import view as view_scene
-
-            return view_scene(problem, trajectory, names=[method]).html.encode()
-
-        return self._write(lambda files: files.contents(trajectory, problem, method), figure, page)
-
-    def write_cycle(self, method: str, motion: CycleMotion) -> tuple[str, ...]:
-        """Write the files of a cycle's motion; return notes on the files."""
-
-        def figure(path: Path) -> bytes:
-            from tubeplanner.output.figures.trajectory_figures import plot_cycle
-
-            return figure_file(plot_cycle(motion.cycle, motion), path)
-
-        def page(_: Path) -> bytes:
-            from tubeplanner.output.page.cycle_page import view_cycle
-
-            return view_cycle(motion.cycle, [motion], [method]).html.encode()
-
-        return self._write(lambda files: cycle_contents(files, motion, method), figure, page)
-
-    def _write(
-        self,
-        contents: Callable[[TrajectoryFiles], tuple[dict[Path, bytes], tuple[str, ...]]],
-        figure: Callable[[Path], bytes],
-        page: Callable[[Path], bytes],
-    ) -> tuple[str, ...]:
-        """Write the trajectory, its samples, the figure, the page; return notes on the samples."""
+    def written(self, loaded: PlanningProblem | Cycle, result: Any) -> Any:
+        """Write the files of an answer; return the answer with notes on the samples."""
         notes: list[str] = []
+
+        def contents(files: TrajectoryFiles) -> tuple[dict[Path, bytes], tuple[str, ...]]:
+            if isinstance(loaded, Cycle):
+                return cycle_contents(files, result.motion, result.method)
+            return files.contents(result.trajectory, loaded, result.method)
 
         @cache
         def samples() -> dict[Path, bytes]:
             texts, more = contents(replace(self.files, json=None))
             notes.extend(more)
             return texts
+
+        def figure(path: Path) -> bytes:
+            from tubeplanner.output.figures.trajectory_figures import plot_cycle, plot_trajectory
+
+            if isinstance(loaded, Cycle):
+                return figure_file(plot_cycle(loaded, result.motion), path)
+            return figure_file(plot_trajectory(loaded, result.trajectory), path)
+
+        def page(_: Path) -> bytes:
+            from tubeplanner.output.page.cycle_page import view_cycle
+            from tubeplanner.output.page.viewer import view
+
+            judged = {"certificates": [result.certificate], "sensitivities": result.sensitivities}
+            name = ["planned motion"]
+            if isinstance(loaded, Cycle):
+                return view_cycle(loaded, [result.motion], name, **judged).html.encode()
+            return view(loaded, result.trajectory, names=name, **judged).html.encode()
 
         own = replace(self.files, csv=None, ros=None)
         console.write_answer(
@@ -279,4 +178,4 @@ class PlanOutputs:
             console.Output("plot", self.plot, figure),
             console.Output("view", self.html, page),
         )
-        return tuple(notes)
+        return replace(result, notes=(*result.notes, *notes))

@@ -9,7 +9,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tubeplanner.arrays import IntArray
 from tubeplanner.certificate.cycle_verification import CycleCertificate
 from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition, Tolerance
 from tubeplanner.certificate.verification import CONDITION_NAMES, Certificate
@@ -25,6 +24,7 @@ from tubeplanner.task.info import cycle_doubts, problem_doubts
 from tubeplanner.task.legs import Leg, Stop, stop_text
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.side_files import fitting_presets
+from tubeplanner.text import savings
 
 if TYPE_CHECKING:
     from tubeplanner.planning.cycle_result import CycleResult, LegPlan
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 _WIDTH_OF_A_FILE, _VERY_WIDE = 160, 10_000  # [characters]
 _ROUNDING = 1e-10  # smaller margins are shown as zero
 _SENSITIVITIES_SHOWN = 3
-_NO_SAVING = 1e-6  # [s]: smaller savings are rounding
 
 
 def plan_text(
@@ -69,25 +68,30 @@ def plan_text(
         lines += left_out_lines(result.certificate)
     before, beside, after = _sorted_notes(result.notes, robot, problem_doubts(problem))
     lines += [*before, f"{result.status}: {result.message}", *beside]
-    largest = result.sensitivities[:_SENSITIVITIES_SHOWN]
-    savings = [str(sensitivity) for sensitivity in largest if sensitivity.saved > _NO_SAVING]
-    if savings:
-        lines.append(f"10 % more would save: {'; '.join(savings)}")
+    if largest := savings(result.sensitivities)[:_SENSITIVITIES_SHOWN]:
+        lines.append(f"raising a limit by 10 % would save: {'; '.join(largest)}")
     if with_minimum:
         lines += _minimum_lines(problem, result)
     lines += after
-    location = str(result.location)
-    if location:
-        lines.append(f"where: {location}")
+    lines += [f"where: {result.location}"] * bool(str(result.location))
     if result.proved is not None and result.survival is None:
         lines.append("`tubeplanner explain` looks for the smallest changes that make it possible")
+    return "\n".join([*lines, *_ending_lines(result, problem)])
+
+
+def _ending_lines(result: "PlanResult | CycleResult", problem: PlanningProblem) -> list[str]:
+    """Return a line if planning was stopped early, and one if obstacles are not checked."""
+    lines = []
     if result.stopped_by is not None:
         lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
-    if problem.obstacles and not problem.collision.has_link_geometry:
-        lines.append(
-            "note: the robot has no collision geometry; the obstacles were NOT checked against it"
-        )
-    return "\n".join(lines)
+    return [*lines, *_geometry_lines(problem)]
+
+
+def _geometry_lines(problem: PlanningProblem) -> list[str]:
+    """Return a note if obstacles are not checked, as the robot has no collision geometry."""
+    if not problem.obstacles or problem.collision.has_link_geometry:
+        return []
+    return ["note: the robot has no collision geometry; the obstacles were NOT checked against it"]
 
 
 def _sorted_notes(
@@ -132,7 +136,10 @@ def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
     free = {quantity: robot.limits.unlimited(quantity) for quantity in ("acceleration", "jerk")}
     unlimited = [quantity for quantity, joints in free.items() if len(joints) > 0]
     if unlimited:
-        of_some = [_of_some(robot, free[quantity]) for quantity in unlimited]
+        of_some = []  # " of" and the names of some joints; empty for every joint
+        for joints in (free[quantity] for quantity in unlimited):
+            listed = ", ".join(robot.joint_names[joint] for joint in joints)
+            of_some.append(f" of {listed}" if len(joints) < robot.joint_count else "")
         named = " or ".join(unlimited) + of_some[0]
         if len(set(of_some)) > 1:
             each = zip(unlimited, of_some, strict=True)
@@ -144,12 +151,6 @@ def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
             + "".join(f", or robot.preset: {name}" for name in fitting_presets(robot))
         )
     return lines
-
-
-def _of_some(robot: RobotModel, joints: IntArray) -> str:
-    """Return " of" and the names of some joints; empty for every joint."""
-    names = ", ".join(robot.joint_names[joint] for joint in joints)
-    return f" of {names}" if len(joints) < robot.joint_count else ""
 
 
 def certificate_text(certificate: Certificate) -> str:
@@ -247,17 +248,14 @@ def cycle_plan_text(cycle: Cycle, result: "CycleResult", loading_time: float) ->
         f"(certificate {result.certificate_time:.2f} s), method {result.method}"
     )
     if motion is not None:
-        savings = [_largest_saving(*each) for each in zip(cycle.legs, result.legs, strict=True)]
-        lines.append(_timetable(motion, "10 % more saves most", savings))
+        largest = [_largest_saving(*each) for each in zip(cycle.legs, result.legs, strict=True)]
+        lines.append(_timetable(motion, "largest saving by a 10 % higher limit", largest))
     if result.certificate is not None:
         lines.append(_certificate_text(result.certificate))
     before, beside, after = _sorted_notes(result.notes, robot, cycle_doubts(cycle))
     lines += [*before, f"{result.status}: {result.message}", *beside, *_gain_lines(result), *after]
-    location = str(result.location)
-    lines += [f"where: {location}"] * bool(location)
-    if result.stopped_by is not None:
-        lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
-    return "\n".join([*lines, *_geometry_lines(cycle)])
+    lines += [f"where: {result.location}"] * bool(str(result.location))
+    return "\n".join([*lines, *_ending_lines(result, cycle.problem_from_anywhere(0))])
 
 
 def cycle_check_text(
@@ -278,7 +276,7 @@ def cycle_check_text(
             _timetable(motion, "certificate", verdicts),
             _certificate_text(certificate),
             *(f"note: {note}" for note in notes),
-            *_geometry_lines(cycle),
+            *_geometry_lines(cycle.problem_from_anywhere(0)),
         ]
     )
 
@@ -314,26 +312,23 @@ def _span(begin: float, end: float) -> tuple[str, str]:
 def _largest_saving(leg: Leg, plan: "LegPlan") -> str:
     """Return the limit of a leg's largest saving; empty if no limit saves time."""
     largest = max(plan.result.sensitivities, key=lambda each: each.saved, default=None)
-    if largest is None or largest.saved <= _NO_SAVING:
+    if largest is None or not savings([largest]):
         return ""
     if largest.segment is None or len(leg.moves) == 1:
         return str(largest)
-    move, segment = leg.move_of(largest.segment)
-    return f"{move.name}: {replace(largest, segment=segment, last_segment=None)}"
+    move, first, last = leg.segments_of_move(largest.segment, largest.last_segment)
+    return f"{move.name}: {replace(largest, segment=first, last_segment=last)}"
 
 
 def _gain_lines(result: "CycleResult") -> list[str]:
     """Return lines on the savings of limits, and on the gain of configurations chosen together."""
-    lines, savings = [], [each for each in result.sensitivities if each.saved > _NO_SAVING]
-    if savings:
-        listed = "; ".join(str(each) for each in savings[:_SENSITIVITIES_SHOWN])
-        lines.append(f"10 % more would save, over the cycle: {listed}")
+    largest = "; ".join(savings(result.sensitivities)[:_SENSITIVITIES_SHOWN])
+    lines = [f"raising a limit by 10 % would save, over the cycle: {largest}"] * bool(largest)
     shortest, alone = result.shortest_duration, result.greedy_duration
     if shortest is not None and alone is not None and alone - shortest > _MIN_GAIN:
         lines.append(
-            f"configurations between moves chosen together save {alone - shortest:.4f} s: moves "
-            f"planned alone, one after the other, take {alone:.4f} s at the shortest, these "
-            f"{shortest:.4f} s"
+            f"configurations chosen over the whole cycle save {alone - shortest:.4f} s: the "
+            f"shortest moves take {alone:.4f} s one by one, {shortest:.4f} s together"
         )
     return lines
 
@@ -376,11 +371,3 @@ def _decisive(
     failed = [each for each in conditions if not each.holds(certificate.tolerance)]
     required = [each for each in conditions if each.margin is not None]
     return failed or [min(required or conditions, key=lambda each: each.margin or 0.0)]
-
-
-def _geometry_lines(cycle: Cycle) -> list[str]:
-    """Return a note if obstacles are not checked, as the robot has no collision geometry."""
-    problem = cycle.problem_from_anywhere(0)
-    if not cycle.obstacles or problem.collision.has_link_geometry:
-        return []
-    return ["note: the robot has no collision geometry; the obstacles were NOT checked against it"]

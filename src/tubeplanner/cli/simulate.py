@@ -46,8 +46,8 @@ _ERRORS = {
     "tool_tolerance": "Distance of the tool from the plan at which it stops [m].",
 }
 _PLANNED = (
-    "what is taken or let go stands where the planned motion has it, and lies in the hand as "
-    "planned; by how much the tool is off then is listed"
+    "parts rest, and lie in the hand, where the planned motion has them; the error of the tool at "
+    "each handover is listed"
 )
 
 
@@ -157,7 +157,7 @@ class _Pictures:
     def require_usable(self, *inputs: str | Path) -> None:
         """Raise if a file cannot be written, before any work is done."""
         require_figure(self.plot, "--plot")
-        console.require_page(self.html)
+        console.require_ending(self.html, "--html", console.PAGE_ENDINGS)
         require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
 
     def write(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
@@ -319,7 +319,7 @@ def cycle_execution_lines(judged: JudgedCycle, errors: Robustness) -> list[str]:
         cells = [f"{counts.failed} of {counts.runs}", *worst, saturated]
         lines.append(_row(", ".join(names), cells))
     if judged.handovers:
-        lines += ["", _row("the tool when something changes hands", _HANDOVERS)]
+        lines += ["", _row("error of the tool at each handover", _HANDOVERS)]
     for each in judged.handovers:
         values = each.as_dict()
         distance, angle, speed = (

@@ -95,7 +95,12 @@ def study_text(result: StudyResult) -> str:
     table.add_column("status")
     table.add_column("points", justify="right")
     table.add_column("for example")
-    groups = _groups(result.rows)
+    by_reason: dict[tuple[str, str], list[StudyRow]] = {}  # that differ in numbers at most
+    for row in result.rows:
+        reason = "" if row.duration is not None else _NUMBER.sub("#", row.message)
+        by_reason.setdefault((str(row.status), reason), []).append(row)
+    pairs = sorted(by_reason.items(), key=lambda pair: (pair[0][0] != "success", -len(pair[1])))
+    groups = [(status, _example(rows), len(rows)) for (status, _), rows in pairs]
     for status, example, points in groups[:_MAX_REASONS]:
         table.add_row(status, str(points), escape(example))
     lines = [rendered(table)]
@@ -107,16 +112,6 @@ def study_text(result: StudyResult) -> str:
     return "\n".join(lines)
 
 
-def _groups(rows: tuple[StudyRow, ...]) -> list[tuple[str, str, int]]:
-    """Return statuses with an example and a count; reasons that differ in numbers are merged."""
-    groups: dict[tuple[str, str], list[StudyRow]] = {}
-    for row in rows:
-        reason = "" if row.duration is not None else _NUMBER.sub("#", row.message)
-        groups.setdefault((str(row.status), reason), []).append(row)
-    ordered = sorted(groups.items(), key=lambda group: (group[0][0] != "success", -len(group[1])))
-    return [(status, _example(group), len(group)) for (status, _), group in ordered]
-
-
 def _example(rows: list[StudyRow]) -> str:
     durations = [row.duration for row in rows if row.duration is not None]
     if durations:
@@ -125,12 +120,9 @@ def _example(rows: list[StudyRow]) -> str:
 
 
 def _values_of(row: StudyRow) -> str:
-    return ", ".join(f"{path} = {_in_figures(value)}" for path, value in row.values.items())
-
-
-def _in_figures(value: object) -> str:
-    """Return the text of a value: numbers and factors in six digits."""
-    factor = factor_of(value)
-    if factor is not None:
-        return f"x{factor:g}"
-    return in_figures(value) if is_number(value) else value_text(value)
+    texts = []
+    for path, value in row.values.items():  # numbers and factors in six digits
+        text = in_figures(value) if is_number(value) else value_text(value)
+        factor = factor_of(value)
+        texts.append(f"{path} = {text if factor is None else f'x{factor:g}'}")
+    return ", ".join(texts)

@@ -20,7 +20,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies.sweeps import FieldSweep, SweepResult, sweep_field
 from tubeplanner.studies.sweeps import sweep as sweep_problem
 from tubeplanner.task.field_changes import is_of_objective, parse_variation
-from tubeplanner.text import value_text
+from tubeplanner.text import in_milliseconds, value_text
 from tubeplanner.writing import require_writable
 
 
@@ -158,7 +158,7 @@ def sweep_text(result: SweepResult) -> str:
             continue
         saving = ""
         if row.elasticity is not None:
-            saving = f"saves {abs(100 * row.elasticity * row.duration):.2g} ms"
+            saving = f"saves {in_milliseconds(0.1 * abs(row.elasticity) * row.duration)}"
         message = f"certified, {row.result.method}" + (f"; {row.note}" if row.note else "")
         times = (f"{row.duration:.4f} s", saving, f"{row.result.planning_time:.2f} s")
         table.add_row(value, *times, message)

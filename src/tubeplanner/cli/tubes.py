@@ -227,7 +227,7 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
         listed = [
             "none" if duration is None else f"{duration:.3f} s" for duration in answer.compared
         ]
-        lines.append(f"trajectories along the routes compared: {', '.join(listed)}")
+        lines.append(f"along the routes compared, quality fast and slack 0: {', '.join(listed)}")
     if answer.found is not None:
         tube = answer.found.problem.tube
         for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):
@@ -237,8 +237,8 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
     if answer.measured is not None and answer.measured is not answer.found:
         radii = ", ".join(f"{1000 * radius:.1f}" for radius in answer.measured.problem.tube.radius)
         lines.append(
-            f"measured tube, in which nothing collides: {answer.measured.duration:.4f} s within "
-            f"radii of {radii} mm"
+            f"measured tube, in which nothing collides: {answer.measured.duration:.4f} s at slack "
+            f"0, within radii of {radii} mm"
         )
     lines += [f"note: {note}" for note in answer.notes]
     lines.append(f"{answer.status}: {answer.message}")

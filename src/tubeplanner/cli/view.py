@@ -46,15 +46,12 @@ def view(
     PROBLEM needs no tube: the arm is shown at its start, in its cell. Of a cycle all moves are on
     one time line, with what happens between them.
     """
-    console.require_page(html)
+    console.require_ending(html, "--html", console.PAGE_ENDINGS)
     if html is not None:
         require_writable([html], [Path(problem), *trajectories])
     with console.shown_progress() as enter:
         loaded, _ = console.load_either_timed(problem, enter, changes, reads_tube=None)
-        if isinstance(loaded, Cycle):
-            motion_view = _cycle_view(loaded, trajectories, enter)
-        else:
-            motion_view = _problem_view(loaded, trajectories, enter)
+        motion_view, verdicts = _shown(loaded, trajectories, enter)
         page = motion_view.html.encode()
         enter("writing")
         if html is None:
@@ -64,51 +61,47 @@ def view(
             hold_interrupts()
             write_files({html: page})
             path, opened = html, True
-    message = f"view: {path}"
+    message, notes = f"view: {path}", [*verdicts, *motion_view.scene.notes]
     if not opened:
         message += " (no browser could be opened; open this file in one)"
     if as_json:
-        console.print_json(
-            {
-                **console.empty_report("success", message),
-                "html": str(path),
-                "notes": motion_view.scene.notes,
-            }
-        )
+        report = console.empty_report("success", message)
+        console.print_json({**report, "html": str(path), "notes": notes})
         return
-    console.say(*(f"note: {note}" for note in motion_view.scene.notes), message, sep="\n")
+    console.say(*(f"note: {note}" for note in notes), message, sep="\n")
 
 
-def _problem_view(
-    problem: PlanningProblem, paths: tuple[Path, ...], enter: Callable[[object], None]
-) -> View:
-    """Return the view of a problem and the motions of files, with their certificates as notes."""
-    files = [read_trajectory_file(path, problem.robot.joint_names) for path in paths]
-    named, notes = dict(zip(names_of_files(paths), files, strict=True)), []
-    if problem.tube.is_anywhere:
+def _shown(
+    loaded: PlanningProblem | Cycle, paths: tuple[Path, ...], enter: Callable[[object], None]
+) -> tuple[View, list[str]]:
+    """Return the view of a problem or cycle and the motions of files, and the verdicts on these."""
+    files = [read_trajectory_file(path, loaded.robot.joint_names) for path in paths]
+    names, notes, verdicts = names_of_files(paths), list[str](), list[str]()
+    motions, judged = list[Any](), list[Any]()
+    if not isinstance(loaded, Cycle) and loaded.tube.is_anywhere:
         notes = [
             "there is no tube: the tool may be anywhere; `tubeplanner route` finds one from start, "
             "goal and obstacles"
         ]
-    for k, (name, file) in enumerate(named.items()):
+    for k, (path, name, file) in enumerate(zip(paths, names, files, strict=True)):
         enter(f"certificate {k + 1} of {len(files)}")
-        notes += motion_notes(problem, name, file)
+        if isinstance(loaded, Cycle):
+            motions.append(motion_of_file(loaded, path, file))
+            told: tuple[Any, list[str]] = cycle_motion_notes(motions[-1], name, file)
+        else:
+            motions.append(file.trajectory)
+            told = motion_notes(loaded, name, file)
+        certificate, (verdict, *others) = told
+        judged.append(certificate)
+        verdicts.append(verdict)
+        notes += others
     enter("scene")
-    other = [name for name, file in named.items() if has_other_part(problem, file)]
-    motions = (file.trajectory for file in files)
-    return view_problem(problem, *motions, names=list(named), notes=notes, empty_handed=other)
-
-
-def _cycle_view(cycle: Cycle, paths: tuple[Path, ...], enter: Callable[[object], None]) -> View:
-    """Return the view of a cycle and the motions of files, with their certificates as notes."""
-    files = [read_trajectory_file(path, cycle.robot.joint_names) for path in paths]
-    motions = [motion_of_file(cycle, *pair) for pair in zip(paths, files, strict=True)]
-    names, notes = names_of_files(paths), []
-    for k, each in enumerate(zip(motions, names, files, strict=True)):
-        enter(f"certificate {k + 1} of {len(files)}")
-        notes += cycle_motion_notes(*each)
-    enter("scene")
-    return view_cycle(cycle, motions, names, notes)
+    about: dict[str, Any] = {"names": names, "notes": notes, "certificates": judged}
+    if isinstance(loaded, Cycle):
+        return view_cycle(loaded, motions, **about), verdicts
+    pairs = zip(names, files, strict=True)
+    about["empty_handed"] = [name for name, file in pairs if has_other_part(loaded, file)]
+    return view_problem(loaded, *motions, **about), verdicts
 
 
 @click.command()

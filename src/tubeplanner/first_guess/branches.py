@@ -307,7 +307,7 @@ def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
         closest = [each for each in solutions if each.rotation_error <= least]
         best = min(closest, key=lambda each: float(abs(each.q - near).max()))
     if goal is not None and best.error > max(goal.tolerance, _OPEN_GOAL_TOLERANCE):
-        message = f"no goal: the tool was brought no nearer than {best.error:.4g} m"
+        message = f"no goal: the tool stops {best.error:.4g} m short"
         location = Location(segment=problem.tube.segment_number(k - 1, point)).at(point)
         raise Infeasible(PlanStatus.UNREACHABLE, message, location)
     return best.q
@@ -521,7 +521,7 @@ def _with_missed_ends(problem: PlanningProblem) -> tuple[PlanningProblem, list[s
         problem = replace(problem, **ends)
         notes.append(
             f"{name}: the joints move the tool in {problem.robot.tool_directions} of 3 directions "
-            f"and bring it no nearer to the reference point than {away:.3g} m; it may be anywhere "
+            f"and stop it {away:.3g} m short of the reference point; it may be anywhere "
             f"within {radius:g} m of the point, inside the tube"
         )
     return problem, notes

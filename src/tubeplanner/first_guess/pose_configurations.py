@@ -182,9 +182,9 @@ def _reason(problem: PlanningProblem, pose: ToolPose, segment: int) -> str:
     errors = solve_positions(robot, pose.position, seeds, -free, free, rotation=rotation)[1]
     distance = float(errors[:, 0].min())
     if distance > _REACHED:
-        return f"the tool was brought no nearer to the pose than {distance:.4g} m; move it nearer"
+        return f"the tool stops {distance:.4g} m short of the pose; move the pose nearer"
     angle = float(errors[errors[:, 0] <= _REACHED, 1].min())
     return (
-        f"the tool gets to the pose's position, but was turned no nearer than {angle:.3g} rad to "
-        "its orientation; turn the pose"
+        f"the tool gets to the pose's position, but stays {angle:.3g} rad from its orientation; "
+        "turn the pose"
     )

@@ -342,13 +342,13 @@ def explain_error(
 ) -> str:
     """Return the condition that keeps the tool from a point, by dropping conditions in turn."""
     robot, limits = problem.robot, problem.robot.limits
-    short = f"the tool was brought no nearer than {solution.error:.4g} m"
+    short = f"the tool stops {solution.error:.4g} m short"
     free = np.full(robot.joint_count, np.inf)
     without_limits = solve_position(robot, point, seed, -free, free)
     if without_limits.error > 1e-6:
         return (
-            f"the tool was brought no nearer than {without_limits.error:.4g} m, the joints without "
-            "limits; move it nearer"
+            f"the tool stops {without_limits.error:.4g} m short even without joint limits; move "
+            "the point nearer"
         )
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     at_bound = (solution.q <= lower) | (solution.q >= upper)
@@ -384,6 +384,6 @@ def explain_rotation(problem: PlanningProblem, segment: int, why: str) -> str:
 def rotation_text(solution: PositionSolution) -> str:
     """Return the message on the tool's least angle to its reference orientation [rad]."""
     return (
-        f"the tool can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "
-        "orientation, and planning keeps a tenth of the tolerance in reserve"
+        f"the tool stays {solution.rotation_error:.3g} rad or more from its reference orientation; "
+        "planning keeps a tenth of the tolerance in reserve"
     )

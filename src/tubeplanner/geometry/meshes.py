@@ -90,6 +90,11 @@ def load_mesh(
         unit = length_unit(path)
     except DocumentError as error:
         raise RobotError(f"{owner}: mesh {path} cannot be read: {error}") from None
+    except ModuleNotFoundError as error:
+        raise RobotError(
+            f"{owner}: mesh {path}: reading {path.suffix[1:].upper()} takes a Python package that "
+            f"is not installed ({error}); install it, or export the mesh as STL"
+        ) from error
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries raise
         raise RobotError(
             f"{owner}: mesh {path} is no readable {path.suffix[1:].upper()} file; export it "
@@ -117,8 +122,10 @@ def _fault(mesh: "trimesh.Trimesh", scale: np.ndarray) -> str | None:
     """Return the reason why a mesh, as read, is no solid [m] when scaled; None if it is."""
     vertices = np.asarray(getattr(mesh, "vertices", ()), dtype=float)
     faces = np.asarray(getattr(mesh, "faces", ()))
-    if len(vertices) == 0 or len(faces) == 0 or not np.isfinite(vertices).all():
-        return "has no vertices or triangles, or some that are not finite"
+    if len(faces) == 0:
+        return "has no triangles; points alone, as of a scan, are no solid"
+    if len(vertices) == 0 or not np.isfinite(vertices).all():
+        return "has no vertices, or some that are not finite"
     if vertices.shape[1] != 3:
         return f"has points of {vertices.shape[1]} coordinates; a solid has 3"
     if faces.min() < 0 or faces.max() >= len(vertices):

@@ -26,6 +26,7 @@ from tubeplanner.optimizer.starts import subdivided
 from tubeplanner.optimizer.step_objective import MeasuredObjective
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import in_milliseconds
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 from tubeplanner.trajectory.parts import common_intervals
 
@@ -336,7 +337,7 @@ class Sensitivity:
             location = f"segments {self.segment} to {self.last_segment}"
         if self.point is not None:
             location = f"point {self.point}, on {self.link}"
-        return f"{self.limit} of {location}: {1000 * self.saved:.2g} ms"
+        return f"{self.limit} of {location}: {in_milliseconds(self.saved)}"
 
 
 def limit_sensitivities(

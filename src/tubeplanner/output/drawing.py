@@ -327,7 +327,7 @@ def best_direction(
     """
     standing = _hulls(solids)
     moving = [_hulls(arm) for arm in arms]
-    scored = []
+    scored, offset = [], path - path.mean(axis=0)
     for elevation, weight in _ELEVATIONS:
         for azimuth in _AZIMUTHS:
             flat = np.cos(elevation)
@@ -338,20 +338,15 @@ def best_direction(
             if moving:
                 fractions = [_visible_fraction(path, direction, hulls) for hulls in moving]
                 visible *= sum(fractions) / len(fractions)
-            scored.append((weight * visible * _spread(path, direction), direction))
+            # The extent of the path as seen: along its main direction plus twice across [m].
+            seen = offset - np.outer(offset @ direction, direction)
+            major, minor = np.sqrt(abs(np.linalg.eigvalsh(seen.T @ seen))[:0:-1])
+            scored.append((weight * visible * float(major + 2 * minor), direction))
     return max(scored, key=lambda pair: pair[0])[1]
 
 
 def _hulls(shapes: Sequence[ConvexShape]) -> list[ConvexHull]:
     return [ConvexHull(shape_points(shape)) for shape in shapes]
-
-
-def _spread(path: FloatArray, direction: FloatArray) -> float:
-    """Return the extent of a path as seen: along its main direction plus twice across [m]."""
-    offset = path - path.mean(axis=0)
-    seen = offset - np.outer(offset @ direction, direction)
-    major, minor = np.sqrt(abs(np.linalg.eigvalsh(seen.T @ seen))[:0:-1])
-    return float(major + 2 * minor)
 
 
 def _visible_fraction(

@@ -151,7 +151,7 @@ def _planned_around(
     if count == 0:
         raise blocked
     result = blocked.result
-    message = f"{result.message}; {count} other configurations at its start led nowhere either"
+    message = f"{result.message}; {count} other start configurations have no answer either"
     raise BlockedLeg(k, replace(result, message=message)) from None
 
 

@@ -28,6 +28,7 @@ from tubeplanner.planning.strategy import require_supported
 from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.task.demands import SMOOTHNESS, Objective
 from tubeplanner.task.info import cycle_doubts
 from tubeplanner.task.legs import Leg
 
@@ -225,12 +226,9 @@ def _notes(cycle: Cycle, shortest: Sequence[LegPlan], plans: Sequence[LegPlan]) 
         note if len(names) == len(cycle.legs) else f"move {', '.join(names)}: {note}"
         for note, names in names_by_note.items()
     ]
-    longer = [p for s, p in zip(shortest, plans, strict=True) if p.duration > s.duration]
-    if longer:
+    if any(p.duration > s.duration for s, p in zip(shortest, plans, strict=True)):
+        objectives = {(each.problem.objective or Objective()).minimise for each in plans}
+        done = "smoothed" if objectives == {SMOOTHNESS} else "better by the objective"
         least, total = sum(p.duration for p in shortest), sum(p.duration for p in plans)
-        notes.append(
-            f"{len(longer)} of {len(plans)} motions between rests are not the shortest, but better "
-            f"by their objective: {total:.4f} s in all instead of {least:.4f} s; --slack 0 gives "
-            "these"
-        )
+        notes.append(f"{done}: moves of {total:.4f} s; the shortest are {least:.4f} s (--slack 0)")
     return tuple(notes)

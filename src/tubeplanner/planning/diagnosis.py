@@ -316,8 +316,8 @@ def _out_of_reach(at: _Configurations) -> Infeasible | None:
         return None
     near = at.nearest(at.free)
     return at.unreachable(
-        f"the tool was brought no nearer than {near:.4g} m, the joints without limits; move the "
-        f"{at.sample.name} nearer"
+        f"the tool stops {near:.4g} m short even without joint limits; move the {at.sample.name} "
+        f"at least {near - at.sample.allowed:.3g} m nearer"
     )
 
 
@@ -326,8 +326,8 @@ def _out_of_bounds(at: _Configurations) -> Infeasible | None:
         return None
     what, outside = _least_outside(at, oriented=False)
     return at.unreachable(
-        f"the tool was brought no nearer than {at.nearest(at.bounds):.4g} m: {what} are in the "
-        f"way, {outside.words}; change them or move the {at.sample.name}",
+        f"the tool stops {at.nearest(at.bounds):.4g} m short: {what} are in the way, "
+        f"{outside.words}; change them or move the {at.sample.name}",
         at.problem.robot.joint_names[outside.joint],
     )
 
@@ -352,7 +352,7 @@ def _rotated_away(at: _Configurations) -> Infeasible | None:
     near = [each for each in solutions if at.is_there(each, oriented=False)] or solutions
     outside = min(each.rotation_error for each in near)
     row = min(at.sample.rotation_rows, key=at.tightest)
-    off = f"there the tool was brought no nearer to it than {outside:.3g} rad"
+    off = f"there the tool is turned {outside:.3g} rad too far"
     return at.unreachable(explain_rotation(at.problem, row, off))
 
 

@@ -59,6 +59,7 @@ def reach_bound(robot: RobotModel) -> ReachBound:
 
 # Ends and margins are exact to this [m].
 _ROUNDING = 2 * MARGIN_TOLERANCE
+_MANY_REACHES = 20  # a point so many reaches too far is rather in another unit
 
 
 def require_within_bound(problem: PlanningProblem, *, start_is_known: bool = True) -> None:
@@ -80,12 +81,13 @@ def require_within_bound(problem: PlanningProblem, *, start_is_known: bool = Tru
         return
     location = point_location(problem.tube, k, points[k])
     x, y, z = (f"{value:.3f}" for value in bound.center)
-    tolerance = f" and may stay {allowed[k]:.4g} m away" if allowed[k] else ""
+    tolerance = f" and {allowed[k]:.4g} m of tolerance" if allowed[k] else ""
+    unit = " (millimetres?)" if missing[k] > _MANY_REACHES * bound.radius else ""
     raise Infeasible(
         PlanStatus.UNREACHABLE,
-        f"{location}: out of the arm's reach: the tool comes no farther than {bound.radius:.4g} m "
-        f"from [{x}, {y}, {z}] m, the sum of the links' lengths{tolerance}; move the "
-        f"{point_name(k, len(points))} at least {missing[k]:.3g} m nearer",
+        f"{location}: out of reach: the arm reaches {bound.radius:.4g} m from "
+        f"[{x}, {y}, {z}] m, the sum of its links{tolerance}; the {point_name(k, len(points))} is "
+        f"{missing[k]:.3g} m too far{unit}: move it nearer",
         location,
         proved=True,
     )
@@ -182,11 +184,11 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
         if nearest <= allowed[k] + _MAX_SEARCH_ERROR:
             return
     location = point_location(problem.tube, k, point)
-    may = f", and must come within {allowed[k]:.4g} m" if allowed[k] else ""
+    may = f" ({allowed[k]:.4g} m is allowed)" if allowed[k] else ""
     name = point_name(k, len(points))
     message = (
-        f"{location}: the tool was brought no nearer than {nearest:.4g} m, the joints without "
-        f"limits{may}; move the {name} nearer"
+        f"{location}: the tool stops {nearest:.4g} m short even without joint limits{may}; move "
+        f"the {name} at least {nearest - allowed[k]:.3g} m nearer"
     )
     goal = problem.open_goal
     if name == "goal" and goal is not None and nearest < problem.tube.effective_radius[-1]:

@@ -130,11 +130,10 @@ def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTra
         after: The second stage's motion.
     """
     objective, robot = problem.objective or Objective(), problem.robot
-    longer = 100 * (after.duration / before.duration - 1)
     if objective.minimise == SMOOTHNESS:
         done = "smoothed"
         jerks = [largest_jerk(robot, trajectory)[1] for trajectory in (after, before)]
-        gain = f"the largest jerk is {jerks[0]} instead of {jerks[1]}"
+        gain = f"largest jerk {jerks[0]} instead of {jerks[1]}"
         if effort_variation(robot, before, before).any():  # none: the links have no masses
             swings = []
             for trajectory in (after, before):
@@ -143,10 +142,7 @@ def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTra
                 is_limited = bool(np.isfinite(robot.limits.effort[joint]))
                 unit = "limits" if is_limited else "times the largest effort of the shortest motion"
                 swings.append(f"{variation[joint]:.1f} {unit} ('{robot.joint_names[joint]}')")
-            gain = (
-                f"the effort that swings most moves through {swings[0]} instead of {swings[1]}, "
-                f"and {gain}"
-            )
+            gain = f"largest effort swing {swings[0]} instead of {swings[1]}, {gain}"
     else:
         costs = [EffortCosts(robot, trajectory) for trajectory in (after, before)]
         if objective.minimise == ENERGY:
@@ -157,11 +153,12 @@ def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTra
         else:
             values, unit, what = [cost.work() for cost in costs], "J", "work of the motors"
         is_less = values[0] < values[1]
-        gain = f"the {what} is {values[0]:.4g} instead of {values[1]:.4g} {unit}"
+        gain = f"{what} {values[0]:.4g} instead of {values[1]:.4g} {unit}"
         if not any(values):
-            is_less, gain = False, f"the {what} is zero, as the links have no masses"
+            is_less, gain = False, f"{what} zero, as the links have no masses"
         done = f"{objective.minimise} {'saved' if is_less else 'not saved'}"
-    return (
-        f"{done}: the shortest motion takes {before.duration:.4f} s; in {longer:.2f} % more time, "
-        f"{gain}"
-    )
+    takes, least = f"{after.duration:.4f} s", f"{before.duration:.4f} s"
+    times = f"{takes}, as long as the shortest"
+    if takes != least:
+        times = f"{takes}; the shortest is {least} (--slack 0)"
+    return f"{done}: {times}; {gain}"

@@ -208,8 +208,8 @@ def judged_result(
     unused = unused_speed(problem, trajectory)
     if unused > _MAX_UNUSED:
         notes.append(
-            f"on average {unused:.1%} of the speed that the limits allow is not used: there may "
-            "well be a faster trajectory; --quality best looks for it from more starts"
+            f"{unused:.1%} of the speed that the limits allow is unused on average: a faster "
+            "trajectory may exist; --quality best searches from more starts"
         )
     robot = problem.robot
     on_robot = (*unlimited_notes(robot), *robot_notes(robot))

@@ -175,11 +175,11 @@ def second_stage_plan(
         if stopped_by is not None:
             reason = f"stopped by {stopped_by.replace('_', ' ')}"
         elif result is None:
-            reason = "no better one was found in the time that it may take"
+            reason = f"no better motion was found within {longest:.4f} s"
         elif result.duration is not None:
-            reason = f"the better one takes {result.duration:.4f} s, more than it may"
+            reason = f"the better motion takes {result.duration:.4f} s, more than {longest:.4f} s"
         else:
-            reason = f"the better one was not certified: {result.message}"
+            reason = f"the better motion was not certified: {result.message}"
         note = f"the answer is the shortest motion, not {done}: {reason}"
         return replace(shortest, stopped_by=stopped_by, notes=(*shortest.notes, note))
     assert shortest.trajectory is not None
@@ -312,7 +312,7 @@ def _in_duration(problem: PlanningProblem, answer: PlanResult, duration: float) 
         )
     if no_longer(duration, answer.duration):
         return answer
-    note = f"that motion is run slower, in the duration that is asked for, {duration:g} s"
+    note = f"the motion is run slower, to last the required {duration:g} s"
     slower = _run_in(problem, answer, duration, note)
     return replace(slower, shortest=answer.shortest or answer.trajectory)
 

@@ -347,8 +347,8 @@ def require_supported(problem: PlanningProblem, options: PlanOptions) -> None:
         return
     if is_robust:
         raise OptionError(
-            f"the problem has a field robustness, which method '{options.method}' does not honour; "
-            f"leave it out (--set robustness=null), or give method '{REFINEMENT}'"
+            f"the problem has a field robustness, which method '{options.method}' does not "
+            f"support; leave it out (--set robustness=null), or give method '{REFINEMENT}'"
         )
     slack, duration = options.slack, None
     if slack is None and problem.objective is not None:

@@ -1,7 +1,7 @@
 """JointLimits: limits of the planned joints, of the URDF, replaced and scaled by the problem."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -64,6 +64,7 @@ class JointLimits:
         notes: Parts of limit files that were not used.
         velocity_tolerance: Fraction by which the maker's controller lets joints pass their velocity
             limits, of a preset; None: not known.
+        sources: Source of each limit that is not the URDF's, by quantity and joint name.
     """
 
     lower_position: FloatArray
@@ -79,6 +80,7 @@ class JointLimits:
     effort_ranges: tuple[EffortRange, ...] = ()
     notes: tuple[str, ...] = ()
     velocity_tolerance: float | None = None
+    sources: Mapping[str, Mapping[str, str]] = field(default_factory=dict, repr=False)
 
     __repr__ = short_repr
 
@@ -170,6 +172,7 @@ def resolve_limits(
         ),
         notes=merged.notes,
         velocity_tolerance=merged.velocity_tolerance,
+        sources=merged.sources,
     )
 
 

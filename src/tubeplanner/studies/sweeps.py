@@ -195,8 +195,8 @@ def sweep(
         ]
         if faster:
             note = (
-                f"slower than that at {quantity} {faster[-1].value:g}, which keeps to this tube "
-                "too: another local optimum"
+                f"another local optimum: the faster motion of {quantity} {faster[-1].value:g} "
+                "stays in this tube too"
             )
             rows[number] = replace(row, note=note)
     return SweepResult(problem, quantity, tuple(rows), stopped_by)

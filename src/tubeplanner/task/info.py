@@ -9,7 +9,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.geometry.convex_shapes import extent_of
 from tubeplanner.geometry.link_geometry import link_extents
+from tubeplanner.geometry.solids import AttachedSolid, Obstacle
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.info import RobotInfo, robot_info
 from tubeplanner.robot.model import RobotModel
@@ -180,6 +182,13 @@ def srdf_info(robot: RobotInfo) -> SrdfInfo | None:
     return SrdfInfo(urdf.srdf.group_states(), tuple(urdf.srdf.allowed_pairs(urdf.links)))
 
 
+def _solid(solid: Obstacle | AttachedSolid) -> dict[str, Any]:
+    """Return name, size along the axes, centre [m] and number of shapes of a solid."""
+    low, high = extent_of(solid.shapes)
+    size, center = (high - low).tolist(), ((low + high) / 2).tolist()
+    return {"name": solid.name, "size": size, "center": center, "shapes": len(solid.shapes)}
+
+
 def _problem_task(problem: PlanningProblem) -> dict[str, Any]:
     """Return start, tube, solids and payload of a problem as JSON values."""
     tube, payload = problem.tube, problem.robot.payload
@@ -189,8 +198,8 @@ def _problem_task(problem: PlanningProblem) -> dict[str, Any]:
         "goal": None if problem.goal is None else _end(problem, problem.endpoints[1]),
         "points": tube.points.tolist(),
         "segments": [_segment(problem, k) for k in range(tube.segment_count)],
-        "obstacles": [str(obstacle) for obstacle in problem.obstacles],
-        "attached": [str(solid) for solid in problem.attached],
+        "obstacles": list(map(_solid, problem.obstacles)),
+        "attached": list(map(_solid, problem.attached)),
         "clearance": problem.clearance,
         "pair_clearances": [
             {"links": list(links), "clearance": clearance}
@@ -278,8 +287,8 @@ def _cycle_task(cycle: Cycle) -> dict[str, Any]:
         "start": cycle.endpoint.kind,
         "closed": cycle.closed,
         "period": cycle.period,
-        "obstacles": [str(obstacle) for obstacle in cycle.obstacles],
-        "attached": [str(solid) for solid in cycle.attached],
+        "obstacles": list(map(_solid, cycle.obstacles)),
+        "attached": list(map(_solid, cycle.attached)),
         "legs": [_leg(cycle, k, leg) for k, leg in enumerate(cycle.legs)],
         "after": [step_text(step) for step in cycle.after.steps],
     }

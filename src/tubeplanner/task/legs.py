@@ -72,6 +72,12 @@ class Leg:
         k = int(np.searchsorted(self.first_segments, segment, side="right")) - 1
         return self.moves[k], segment - self.first_segments[k]
 
+    def segments_of_move(self, first: int, last: int | None) -> tuple[Move, int, int]:
+        """Return the move of joined segments, and their first and last number in the move."""
+        move, number = self.move_of(first)
+        end = number if last is None else number + last - first
+        return move, number, min(end, int(move.tube.numbers[-1]) - 1)
+
     def in_cycle(self, where: Location, begin: float) -> Location:
         """Return a place in the leg as a place in the cycle.
 

@@ -33,6 +33,10 @@ from tubeplanner.trajectory.reader import (
 NAME = "ur5/over_the_wall"
 
 
+def notes_of(problem, name, file):
+    return motion_notes(problem, name, file)[1]
+
+
 def with_coefficients(trajectory, coefficients):
     return JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
 
@@ -158,7 +162,7 @@ def file(stored, tmp_path):
 
 
 def test_a_motion_of_the_problem_passes_and_that_is_all(stored, file):
-    assert motion_notes(stored(NAME)[0], "t", file) == ["t: passes every condition"]
+    assert notes_of(stored(NAME)[0], "t", file) == ["t: passes every condition"]
 
 
 @pytest.mark.parametrize("part", CHANGES)
@@ -168,7 +172,7 @@ def test_the_part_that_differs_is_named(file, part):
         changes = {"goal": {"joints": file.trajectory.position(file.trajectory.duration).tolist()}}
     problem = load_problem(f"example:{NAME}", changes=changes)
     other = "the trajectory was made for another problem; what differs: "
-    notes = [note for note in motion_notes(problem, "t", file) if other in note]
+    notes = [note for note in notes_of(problem, "t", file) if other in note]
     assert notes == [f"t: {other}{part}"]
     assert has_other_part(problem, file) == (part == "carried solids")
     assert not has_other_part(problem, TrajectoryFile(file.trajectory))
@@ -176,14 +180,14 @@ def test_the_part_that_differs_is_named(file, part):
 
 def test_a_motion_that_fails_says_where(file):
     problem = load_problem(f"example:{NAME}", changes={"robot.limits.velocity": 1.0})
-    assert motion_notes(problem, "t", file)[0].startswith("t: fails: velocity")
+    assert notes_of(problem, "t", file)[0].startswith("t: fails: velocity")
 
 
 def test_samples_are_judged_as_check_judges_them(stored, tmp_path):
     problem, trajectory = stored(NAME)
     path = tmp_path / "t.csv"
     path.write_text(trajectory_csv(trajectory.joint_names, trajectory.sample(2000)))
-    (verdict, joined) = motion_notes(problem, "t", read_trajectory_file(path))
+    (verdict, joined) = notes_of(problem, "t", read_trajectory_file(path))
     assert verdict == "t: passes every condition"
     assert joined.startswith("t: samples are joined by quintics")
 
@@ -192,13 +196,13 @@ def test_samples_may_be_rounded_polynomials_not(stored, file):
     rounded = replace(file, trajectory=shifted(file.trajectory, 1e-5))
     for interpolation, begin in ((None, "t: fails: start"), ("cubic", "t: passes")):
         one = replace(rounded, interpolation=interpolation)
-        assert motion_notes(stored(NAME)[0], "t", one)[0].startswith(begin)
+        assert notes_of(stored(NAME)[0], "t", one)[0].startswith(begin)
 
 
 def test_a_file_of_ours_is_held_to_what_plans_are(stored, file):
     """One part in 20,000 faster: samples made elsewhere may be that far off, polynomials not."""
     fast = replace(file, trajectory=file.trajectory.scaled(1 - 5e-5))
-    assert motion_notes(stored(NAME)[0], "t", fast)[0].startswith("t: fails")
+    assert notes_of(stored(NAME)[0], "t", fast)[0].startswith("t: fails")
 
 
 def test_hashes_of_parts_that_are_none_are_left_out(file, tmp_path):

@@ -174,7 +174,7 @@ def test_the_panel_says_what_is_seen(page):
     assert layers["obstacles"]["label"] == "Obstacles: post"
     texts = [entry["text"] for entry in layers["tube"]["entries"]]
     assert len(texts) == 4
-    assert [texts[0], texts[3]] == ["reach: 200 mm, 1000 ms", "back: 200 to 300 mm, 1000 ms"]
+    assert [texts[0], texts[3]] == ["reach: 200 mm, 1.000 s", "back: 200 to 300 mm, 1.000 s"]
     assert data_of(page.html) == json.loads(json.dumps(panel))
 
 

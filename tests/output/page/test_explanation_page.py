@@ -121,7 +121,8 @@ def test_an_answer_is_shown_with_its_room_and_nothing_marked(tmp_path):
     assert line["text"] == "not even so"
     assert line["details"][0] == "robot.limits.position.turn"
     assert "0.5 rad" in line["details"][1]
-    assert findings["more"][0].startswith("What limits it most; 10 % more would save: ")
+    assert shown.panel["trajectories"][0]["verdict"]["passed"]
+    assert shown.panel["facts"][0][0] == "raising a limit by 10 % would save"
 
 
 @pytest.mark.slow  # pages full of names, in a browser

@@ -3,13 +3,15 @@
 Pictures are compared where something must have changed, and nothing may be complained of.
 """
 
+import re
+
 import numpy as np
 import pytest
 from cases import followed
 from shown_cycle import motion_of, shown_cycle
 from stored_trajectories import REFINEMENT, STOP
 
-from tubeplanner import PlanningProblem, view
+from tubeplanner import PlanningProblem, verify, view
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.output.drawing import CARRIED_COLOR, WARNING_COLOR, rgb
 from tubeplanner.output.page.cycle_page import view_cycle
@@ -193,7 +195,7 @@ def test_every_button_is_pressed_every_layer_hidden_and_the_slider_dragged(opene
     for k in range(count):
         page.run(f"document.querySelectorAll('button')[{k}].click()")
         page.run("stopRecording()")
-    page.run(RESET)
+    page.run(f"{RESET}; setPanel(false); see([1, 1, 1])")  # the panel may cover what changes
     for k, layer in enumerate(page.run("data.layers.map(({name}) => name)")):
         box = f"document.querySelectorAll('.layer input')[{k}]"
         shown = page.run(f"{box}.checked")
@@ -226,6 +228,20 @@ def test_the_arm_is_seen_and_moves_beside_panel_and_controls(opened, stored, tmp
     assert "Executed paths of the tool: 3 runs" in page.run("byId('panel').textContent")
 
 
+def test_the_printed_page_is_one_with_the_verdict_and_a_picture(opened, stored, tmp_path):
+    problem, trajectory = stored("ur5/over_the_wall")
+    path = tmp_path / "wall.html"
+    view(problem, trajectory, certificates=[verify(problem, trajectory)]).save(path)
+    page = opened(path, 0.2)
+    assert page.run("byId('verdict').textContent").startswith("certified, ")
+    page.press("#more")
+    assert "payload" in page.run("byId('trajectories').innerText")
+    before = page.run("viewer.camera.view.enabled")
+    assert len(re.findall(rb"/Type\s*/Page\b", page.printed())) == 1
+    assert page.run("byId('picture').naturalWidth") > 500
+    assert page.run("viewer.camera.view.enabled") == before
+
+
 def test_a_motion_plays_by_itself_and_a_problem_alone_has_no_controls(opened, file, bundled):
     page = opened(file)
     assert page.run("byId('play').textContent") == "Pause"
@@ -246,7 +262,7 @@ def test_the_present_step_of_a_cycle_is_marked_and_parts_come_and_go(opened, tmp
         page.run(f"setTime({time})")
         assert page.run(present) == bands
         readout = page.run("byId('readout').textContent")
-        assert f"{1000 * time:.0f} ms of 3300 ms, {step}, tool at" in readout
+        assert f"{time:.3f} s of 3.300 s, {step}, tool at" in readout
     before, during, after = (near(at(page, time), CARRIED_COLOR, 60) for time in (1.0, 1.2, 3.0))
     assert during > 1.2 * max(before, after)
     assert min(before, after) > 50

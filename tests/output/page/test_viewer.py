@@ -99,7 +99,7 @@ def test_the_panel_says_what_is_seen(shown):
     scene = shown("ur5/level_tray", REFINEMENT).scene
     data = panel_data(scene)
     assert data["title"] == "ur5/level_tray"
-    assert data["trajectories"][0]["lasts"] == f"{1000 * scene.duration:.0f} ms"
+    assert data["trajectories"][0]["lasts"] == f"{scene.duration:.3f} s"
     labels = {layer["name"]: layer for layer in data["layers"]}
     assert "tray" in labels["carried"]["label"]
     assert labels["tool"]["scale"]["ticks"][-1] == f"{scene.peak_speed:.2f} m/s"

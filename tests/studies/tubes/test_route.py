@@ -27,7 +27,7 @@ CELL = {
 # Nothing gets past it without leaving the plane.
 GATE = {"name": "gate", "box": [0.5, 0.02, 0.3], "position": [0.4, 0.4, 0], "rpy": [0, 0, 0.785]}
 FAR = {"position": [0.5, 0.5, 0]}
-NO_GOAL = "no configuration was found for the goal: the tool was brought no nearer than 0.1071 m"
+NO_GOAL = "no configuration was found for the goal: the tool stops 0.1071 m short, from "
 NO_ROUTE = "no route was found in 3 tries of 300 configurations;"
 
 

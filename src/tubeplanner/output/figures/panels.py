@@ -104,8 +104,14 @@ def draw_accelerations(axis: "Axes", curves: TrajectoryCurves) -> None:
 
 
 def draw_jerks(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw jerks against their limits, of joints with a limit."""
+    """Draw jerks against their limits, of joints with a limit; constant pieces, not joined."""
     _draw_limited(axis, curves, curves.jerk, curves.problem.robot.limits.jerk, "jerk")
+    jumps = 1 + np.flatnonzero((np.diff(curves.jerk, axis=0) != 0).any(axis=1))
+    for line in axis.lines:
+        time, fraction = map(np.asarray, line.get_data())
+        if len(time) == len(curves.jerk):
+            line.set_data(np.insert(time, jumps, np.nan), np.insert(fraction, jumps, np.nan))
+            line.set(linestyle="-", solid_capstyle="butt")
 
 
 def draw_effort_rates(axis: "Axes", curves: TrajectoryCurves) -> None:

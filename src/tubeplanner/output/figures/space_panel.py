@@ -289,7 +289,10 @@ def draw_frame(axis: "Axes", view: SpaceView, low: FloatArray, high: FloatArray)
         axis.set_axisbelow(True)
         return
     axis.set_axis_off()
-    step = _step(float((high - low).max()))
+    # Lines of the grid are 1, 2 or 5 times a power of ten apart [m].
+    rough = float((high - low).max()) / _LINES
+    power = 10.0 ** np.floor(np.log10(rough))
+    step = float(power * next(digit for digit in (1, 2, 5, 10) if digit * power >= rough))
     near = np.where(view.direction > 0, high, low)
     far = np.where(view.direction > 0, low, high)
     stops = [
@@ -333,10 +336,3 @@ def _draw_scale(axis: "Axes", view: SpaceView, ends: FloatArray, k: int, stops: 
         position, far, align = ends[1], (0.0, 6.0), {"ha": "center"}
     x, y = view.on_page(position).tolist()
     axis.annotate(_NAMES[k], (x, y), far, textcoords="offset points", fontsize=8, **align)
-
-
-def _step(size: float) -> float:
-    """Return the distance between lines of the grid: 1, 2 or 5 times a power of ten [m]."""
-    rough = size / _LINES
-    power = 10.0 ** np.floor(np.log10(rough))
-    return float(power * next(digit for digit in (1, 2, 5, 10) if digit * power >= rough))

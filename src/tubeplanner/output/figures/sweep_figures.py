@@ -123,7 +123,10 @@ def draw_sweep(
         if row.duration is None:
             draw_gap(axis, value, str(row.status).replace("_", " "))
         elif row.elasticity is not None:
-            _draw_slope(axis, value, _half_tangent(values, value), row.duration, row.elasticity)
+            others = values[values != value]
+            nearest = min(abs(others / value - 1)) if len(others) else 1.0
+            half = float(min(_TANGENT * nearest, 0.5))
+            _draw_slope(axis, value, half, row.duration, row.elasticity)
     axis.set(xlabel=name, ylabel="duration [s]")
     axis.grid(alpha=0.25)
     axis.legend(fontsize=8)
@@ -153,13 +156,6 @@ def _draw_slope(
         label=f"_{label}" if label in labels else label,
         zorder=1,
     )
-
-
-def _half_tangent(values: np.ndarray, value: float) -> float:
-    """Return the half length of a slope's line as a fraction of the value."""
-    others = values[values != value]
-    nearest = min(abs(others / value - 1)) if len(others) else 1.0
-    return float(min(_TANGENT * nearest, 0.5))
 
 
 # ---- Positions of a field's values on an axis: numbers and factors to scale, others in a row.

@@ -1,13 +1,14 @@
 """Notes on trajectory files: other problem, other robot, verdict, likely mistakes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.certificate.cycle_verification import verify_cycle
+from tubeplanner.certificate.cycle_verification import CycleCertificate, verify_cycle
 from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE, Tolerance
-from tubeplanner.certificate.verification import verify
+from tubeplanner.certificate.verification import Certificate, verify
 from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.output.files.fingerprint import (
     CARRIED,
@@ -53,7 +54,11 @@ def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: boo
         columns += f" and {more} more" if more > 0 else ""
         notes.append(f"columns that are not read: {columns}")
     notes += [*file.remarks, *_notes_on_still_joints(problem.robot, file.still)]
-    notes += [*_notes_on_origin(problem, file), *unit_guesses(problem, file)]
+    is_other_robot = file.robot_hash not in (None, robot_hash(problem.robot))
+    is_other = is_other_robot, file.problem_hash not in (None, problem_hash(problem))
+    differing = partial(differing_parts, problem, file.part_hashes)
+    notes += _notes_on_origin("problem", is_other, differing)
+    notes += unit_guesses(problem, file)
     misreading = _likely_misreading(problem, file.trajectory) if failed else None
     return notes if misreading is None else [*notes, misreading]
 
@@ -112,18 +117,23 @@ def _fits(problem: PlanningProblem, q: FloatArray) -> tuple[bool, bool]:
     return begins, bool((inside | (abs(q) <= _TURN)).all())
 
 
-def _notes_on_origin(problem: PlanningProblem, file: TrajectoryFile) -> list[str]:
-    """Return a note if a trajectory was made for another problem."""
-    is_other_robot = file.robot_hash not in (None, robot_hash(problem.robot))
-    if not is_other_robot and file.problem_hash in (None, problem_hash(problem)):
+def _notes_on_origin(
+    noun: str, is_other: tuple[bool, bool], differing: Callable[[], list[str]]
+) -> list[str]:
+    """Return a note if a trajectory was made for another problem or cycle.
+
+    Args:
+        noun: "problem" or "cycle".
+        is_other: True if the robot is another; and if the problem or cycle is.
+        differing: Function that names the parts that differ.
+    """
+    if not any(is_other):
         return []
-    if differing := differing_parts(problem, file.part_hashes):
-        return [
-            f"the trajectory was made for another problem; what differs: {', '.join(differing)}"
-        ]
-    if is_other_robot:
+    if parts := ", ".join(differing()):
+        return [f"the trajectory was made for another {noun}; what differs: {parts}"]
+    if is_other[0]:
         return ["the trajectory was made for another robot, payload, limits or motors"]
-    return ["the trajectory was made for another problem with this robot"]
+    return [f"the trajectory was made for another {noun} with this robot"]
 
 
 def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:
@@ -143,13 +153,18 @@ def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) ->
     return None
 
 
-def motion_notes(problem: PlanningProblem, name: str, file: TrajectoryFile) -> list[str]:
-    """Return notes on a motion shown under a problem: verdict, as of `check`, and file.
+def motion_notes(
+    problem: PlanningProblem, name: str, file: TrajectoryFile
+) -> tuple[Certificate, list[str]]:
+    """Return the certificate of a motion shown under a problem, as of `check`, and notes.
 
     Args:
         problem: The planning problem under which the motion is shown.
         name: Name of the motion.
         file: Its file.
+
+    Returns:
+        The certificate, and notes: the verdict, then notes on the file.
 
     Raises:
         TrajectoryError: The motion has other joints than the problem.
@@ -164,7 +179,7 @@ def motion_notes(problem: PlanningProblem, name: str, file: TrajectoryFile) -> l
     notes += notes_on_file(problem, file, failed=not certificate.passed)
     if has_other_part(problem, file):
         notes.append("it is drawn with an empty hand, as it carried something else")
-    return [f"{name}: {note}" for note in notes]
+    return certificate, [f"{name}: {note}" for note in notes]
 
 
 def has_other_part(problem: PlanningProblem, file: TrajectoryFile) -> bool:
@@ -178,17 +193,15 @@ def has_other_part(problem: PlanningProblem, file: TrajectoryFile) -> bool:
 def notes_on_cycle_file(cycle: Cycle, file: TrajectoryFile) -> list[str]:
     """Return a note if a trajectory was made for another cycle; none if the file does not say."""
     is_other_robot = file.robot_hash not in (None, robot_hash(cycle.robot))
-    if not is_other_robot and file.problem_hash in (None, cycle_hash(cycle)):
-        return []
-    if differing := differing_cycle_parts(cycle, file.part_hashes):
-        return [f"the trajectory was made for another cycle; what differs: {', '.join(differing)}"]
-    if is_other_robot:
-        return ["the trajectory was made for another robot, payload, limits or motors"]
-    return ["the trajectory was made for another cycle with this robot"]
+    is_other = is_other_robot, file.problem_hash not in (None, cycle_hash(cycle))
+    differing = partial(differing_cycle_parts, cycle, file.part_hashes)
+    return _notes_on_origin("cycle", is_other, differing)
 
 
-def cycle_motion_notes(motion: CycleMotion, name: str, file: TrajectoryFile) -> list[str]:
-    """Return notes on a motion of a cycle: verdict, as of `check`, and file.
+def cycle_motion_notes(
+    motion: CycleMotion, name: str, file: TrajectoryFile
+) -> tuple[CycleCertificate, list[str]]:
+    """Return the certificate of a cycle's motion, as of `check`, and notes as of `motion_notes`.
 
     Args:
         motion: The motion of a cycle.
@@ -198,4 +211,5 @@ def cycle_motion_notes(motion: CycleMotion, name: str, file: TrajectoryFile) -> 
     certificate = verify_cycle(motion.cycle, motion)
     failures = "; ".join(map(certificate.describe, certificate.failures()))
     notes = [f"fails: {failures}" if failures else "passes every condition"]
-    return [f"{name}: {note}" for note in [*notes, *notes_on_cycle_file(motion.cycle, file)]]
+    notes += notes_on_cycle_file(motion.cycle, file)
+    return certificate, [f"{name}: {note}" for note in notes]

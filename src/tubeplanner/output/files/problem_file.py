@@ -233,18 +233,14 @@ def _tube_fields(tube: Tube) -> CommentedMap:
     if tube.cross_section is not None:
         radii = zip(tube.radius.tolist(), tube.is_box, strict=True)
         fields["radius"] = _in_a_row([None if is_box else radius for radius, is_box in radii])
-        sections = map(_box, tube.cross_section.tolist())
-        fields["cross_section"] = _in_a_row(list(sections))
+        sections = [
+            _in_a_row({"box": _in_a_row(row[:2]), "up": _in_a_row(row[2:])}) if any(row) else None
+            for row in tube.cross_section.tolist()
+        ]
+        fields["cross_section"] = _in_a_row(sections)
     fields["joint_signs"] = signs
     fields.update(_speed_fields(tube))
     return fields
-
-
-def _box(section: Sequence[float]) -> Any:
-    """Return the cross-section of a segment for a file; None for a disc."""
-    if not any(section):
-        return None
-    return _in_a_row({"box": _in_a_row(section[:2]), "up": _in_a_row(section[2:])})
 
 
 def _rotation_fields(tube: Tube) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.certificate.cycle_verification import CycleCertificate
 from tubeplanner.errors import OptionError
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.convex_shapes import ConvexShape
@@ -53,11 +54,13 @@ from tubeplanner.output.page.scene import (
     scene_frame,
     with_bodies,
 )
+from tubeplanner.output.page.verdict import with_verdict
 from tubeplanner.output.page.viewer import View, require_names
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.steps import Attach, Detach, Move
+from tubeplanner.text import LimitCost
 from tubeplanner.trajectory.parts import Mark
 
 
@@ -67,6 +70,8 @@ def view_cycle(
     names: Sequence[str] | None = None,
     notes: Sequence[str] = (),
     execution: Execution | None = None,
+    certificates: Sequence[CycleCertificate] = (),
+    sensitivities: Sequence[LimitCost] = (),
 ) -> View:
     """Return a view of a cycle with motions side by side; without any, at its start.
 
@@ -78,6 +83,8 @@ def view_cycle(
         names: Names of the motions; default: numbers.
         notes: Shown on the page before its own notes.
         execution: Of the one motion.
+        certificates: Of the motions; none: the page has no verdict.
+        sensitivities: Costs of limits, the largest first.
 
     Raises:
         ProblemError: `cycle` is no Cycle.
@@ -92,7 +99,9 @@ def view_cycle(
     if execution is not None and len(motions) != 1:
         raise OptionError(f"execution goes with one motion, not {len(motions)}; give one")
     scene = build_cycle_scene(cycle, dict(zip(names, motions, strict=True)), notes, execution)
-    return View(scene, cycle_panel_data(scene))
+    trajectories = [motion.trajectory for motion in motions]
+    shown = cycle.robot, trajectories, certificates, sensitivities, cycle
+    return View(scene, with_verdict(cycle_panel_data(scene), *shown))
 
 
 # ---- Parts of a cycle over time: at rest, carried by the tool, at rest where it let go.
@@ -356,7 +365,7 @@ def _move_entries(scene: CycleScene, moves: Sequence[Move]) -> list[dict[str, st
     entries = []
     for k, move in enumerate(moves):
         begin, end = times.get(move.name, (0.0, 0.0))
-        lasts = f", {1000 * (end - begin):.0f} ms" if move.name in times else ""
+        lasts = f", {end - begin:.3f} s" if move.name in times else ""
         radii = 1000 * move.tube.effective_radius  # of boxes half the smaller side
         low, high = f"{radii.min():.3g}", f"{radii.max():.3g}"
         size = f"{low} mm" if low == high else f"{low} to {high} mm"

@@ -16,6 +16,7 @@ from tubeplanner.output.drawing import BLOCKED_COLOR, directions, hull_surface, 
 from tubeplanner.output.page.panel import panel_data
 from tubeplanner.output.page.problem_scene import build_scene
 from tubeplanner.output.page.scene import Item, Layer, ShownTrajectory, poses_standing
+from tubeplanner.output.page.verdict import with_verdict
 from tubeplanner.output.page.viewer import View
 from tubeplanner.studies.explanation import Explanation, ineffective_text, setting_text, tried_text
 from tubeplanner.studies.remedies import Headroom, Remedy
@@ -49,7 +50,11 @@ def view_explanation(found: Explanation) -> View:
     contact = contact_point(problem, found.location, found.configuration)
     items = with_blocked(scene.items, problem, found.location, contact, scene.thickness)
     scene = replace(scene, items=items)
-    return View(scene, {**panel_data(scene), "findings": _findings(found)})
+    panel = {**panel_data(scene), "findings": _findings(found)}
+    if motion is None or result is None or result.certificate is None:
+        return View(scene, panel)
+    judged = [result.certificate], result.sensitivities
+    return View(scene, with_verdict(panel, problem.robot, [motion], *judged))
 
 
 def _findings(found: Explanation) -> dict[str, Any]:
@@ -63,26 +68,17 @@ def _findings(found: Explanation) -> dict[str, Any]:
         title, lines = "Any one of these makes it possible", list(map(_remedy, found.remedies))
     else:
         title, lines = "No single change was found that makes it possible", []
+    more = []
+    if found.ineffective:
+        more.append(f"By itself none of these helps: {ineffective_text(found.ineffective)}")
+    if found.stopped_by is not None:
+        more.append("The search was ended early: there may be more")
     return {
         "reason": f"{found.status}: {found.message}",
         "title": title,
         "lines": lines,
-        "more": list(_more(found)),
+        "more": more,
     }
-
-
-def _more(found: Explanation) -> list[str]:
-    """Return further lines: most limiting condition, ineffective changes, early end."""
-    lines = []
-    if found.is_possible and found.result is not None:
-        largest_saving = [f"{each}" for each in found.result.sensitivities if each.saved > 0]
-        if largest_saving:
-            lines.append(f"What limits it most; 10 % more would save: {largest_saving[0]}")
-    if found.ineffective:
-        lines.append(f"By itself none of these helps: {ineffective_text(found.ineffective)}")
-    if found.stopped_by is not None:
-        lines.append("The search was ended early: there may be more")
-    return lines
 
 
 def _remedy(remedy: Remedy) -> dict[str, Any]:

@@ -113,6 +113,7 @@ def page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[st
         "duration": scene.duration,
         "trajectories": trajectories,
         "timelines": [],
+        "facts": [],
         "labels": labels if many else None,
         "layers": [*layers, *_moving_layers(scene, trajectories)],
         "offset": frame.offset.round(5).tolist(),
@@ -147,8 +148,7 @@ def _trajectory_data(trajectory: ShownTrajectory) -> dict[str, Any]:
     speed = np.interp(even, trajectory.time, trajectory.speed)
     return {
         "name": trajectory.name,
-        "lasts": f"{1000 * trajectory.duration:.0f} ms",
-        "top": f"{trajectory.speed.max():.2f} m/s",
+        "lasts": f"{trajectory.duration:.3f} s",
         "duration": trajectory.duration,
         "speed": [round(float(each), 4) for each in speed],
     }

@@ -105,7 +105,12 @@ def build_scene(
         except TrajectoryError as error:
             raise TrajectoryError(f"{name}: {error}") from error
     sections = tuple((MotionSection(problem, motion),) for motion in motions.values())
-    arms = [_moving_arm(robot, *pair) for pair in motions.items()]
+    arms = []
+    for name, motion in motions.items():
+        count = int(np.ceil(_FRAMES_PER_SECOND * motion.duration))
+        frames = min(max(count, _MIN_FRAMES), _MAX_FRAMES)
+        time = np.linspace(0.0, motion.duration, frames)
+        arms.append(poses_along(robot, name, motion, time))
     arms = arms or [at_rest or poses_at_rest(problem, all_notes)]
     parts, notes_of_parts = link_parts(robot, MAX_FACES // len(arms))
     carried = carried_surfaces(robot, problem.attached)
@@ -142,13 +147,6 @@ def build_scene(
         executed=executed,
         problem=problem,
     )
-
-
-def _moving_arm(robot: RobotModel, name: str, trajectory: JointTrajectory) -> ShownTrajectory:
-    count = int(np.ceil(_FRAMES_PER_SECOND * trajectory.duration))
-    frames = min(max(count, _MIN_FRAMES), _MAX_FRAMES)
-    time = np.linspace(0.0, trajectory.duration, frames)
-    return poses_along(robot, name, trajectory, time)
 
 
 def _surroundings(

@@ -20,14 +20,16 @@ from uuid import UUID
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.verification import Certificate
 from tubeplanner.errors import OptionError, OutputError
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.output.drawing import EXECUTED_COLOR, WARNING_COLOR, rgb
 from tubeplanner.output.page.panel import panel_data
 from tubeplanner.output.page.problem_scene import build_scene
 from tubeplanner.output.page.scene import Item, Layer, Scene
+from tubeplanner.output.page.verdict import with_verdict
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.text import short_repr
+from tubeplanner.text import LimitCost, short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.writing import signals_held, write_files
 
@@ -149,6 +151,8 @@ def view(
     execution: Execution | None = None,
     notes: Sequence[str] = (),
     empty_handed: Collection[str] = (),
+    certificates: Sequence[Certificate] = (),
+    sensitivities: Sequence[LimitCost] = (),
 ) -> View:
     """Return a view of a problem with trajectories side by side; without any, at its start.
 
@@ -161,6 +165,8 @@ def view(
         execution: Of the one trajectory.
         notes: Shown on the page before its own notes.
         empty_handed: Names of trajectories that are drawn without the problem's carried solids.
+        certificates: Of the trajectories; none: the page has no verdict.
+        sensitivities: Costs of limits, the largest first.
 
     Raises:
         OptionError: The numbers of names and trajectories differ, or two names are equal; or there
@@ -176,7 +182,9 @@ def view(
         raise OptionError(f"execution goes with one trajectory, not {len(trajectories)}; give one")
     named = dict(zip(names, trajectories, strict=True))
     scene = build_scene(problem, named, execution, notes=notes, empty_handed=empty_handed)
-    return View(scene, panel_data(scene))
+    panel = panel_data(scene)
+    shown = problem.robot, trajectories, certificates, sensitivities
+    return View(scene, with_verdict(panel, *shown))
 
 
 def require_names(names: Sequence[str], count: int) -> None:

@@ -416,8 +416,8 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
             solutions.append(np.round(solution.q, _DECIMALS))
     if not solutions:
         message = (
-            f"no configuration was found for the goal: the tool was brought no nearer than "
-            f"{least:.4g} m from {len(seeds)} starts"
+            f"no configuration was found for the goal: the tool stops {least:.4g} m short, from "
+            f"{len(seeds)} starts; move the goal nearer"
         )
         raise Infeasible(PlanStatus.UNREACHABLE, message, Location().at(target))
     free, blocked = [], None

@@ -33,4 +33,4 @@ function at(values, t, duration) {  // between them; missing ones are null
   return low + (where - Math.floor(where)) * (high - low);
 }
 
-const inMs = (t) => `${Math.round(1000 * t)} ms`;
+const inSeconds = (t) => `${t.toFixed(3)} s`;

@@ -49,18 +49,51 @@ function show(layer, visible) {
   viewer.set_dirty();
 }
 
-function addTrajectories() {
-  const table = byId("trajectories"), head = element("tr");
-  ["trajectory", "duration", "top speed"].forEach((text) => head.append(element("th", "", text)));
-  table.append(head);
-  data.trajectories.forEach((trajectory) => {
-    const row = element("tr"), name = element("td");
-    if (data.trajectories.length > 1) name.append(swatch(trajectory.color));
-    name.append(breakable(trajectory.name));
-    row.append(name, element("td", "duration", trajectory.lasts),
-               element("td", "", trajectory.top));
-    table.append(row);
+function addVerdicts() {  // above all else, on a narrow page too
+  data.trajectories.forEach(({name, lasts, verdict}) => {
+    if (!verdict) return;
+    const line = element("div", verdict.passed ? "passed" : "failed");
+    line.append(element("b", "", verdict.passed ? "certified" : "not certified"), `, ${lasts}`,
+                element("div", "quiet", breakable(`${name}: ${verdict.text}`)));
+    byId("verdict").append(line);
   });
+}
+
+function addRow(cells, isMore) {
+  const row = element("tr", isMore ? "more" : "");
+  row.append(...cells.map((cell) => {
+    const made = element("td");
+    made.append(cell);
+    return made;
+  }));
+  byId("trajectories").append(row);
+  row.lastChild.colSpan = data.trajectories.length > 1 ? 5 - cells.length : 3 - cells.length;
+}
+
+function addTrajectories() {
+  const [{name, lasts, top, acceleration, gravities, verdict}, second] = data.trajectories;
+  if (!second) {
+    if (!verdict) addRow([breakable(name), lasts]);
+    addRow(["tool speed", `peak ${top}`]);
+    addRow(["tool acceleration", `peak ${acceleration} (${gravities})`]);
+  } else {
+    byId("trajectories").className = "many";
+    addRow(["motion", "duration", "peak tool speed", "peak tool acceleration"]);
+    data.trajectories.forEach((each) => {
+      const named = element("span");
+      named.append(swatch(each.color), breakable(each.name));
+      addRow([named, each.lasts, each.top, each.acceleration]);
+    });
+  }
+  data.facts.forEach(([what, value, isMore]) => {
+    if (what.length < 20) addRow([what, breakable(value)], isMore);
+    else addRow([breakable(`${what}: ${value}`)], isMore);
+  });
+  const more = button("More", "payload, limits, version", () => {
+    more.textContent = byId("trajectories").classList.toggle("all") ? "Less" : "More";
+  });
+  byId("trajectories").after(more);
+  more.id = "more";
 }
 
 function setPanel(open) {
@@ -74,6 +107,7 @@ function fillPanel() {
   byId("name").textContent = breakable(data.title);
   byId("about").textContent = data.about;
   byId("hint").textContent = data.hint;
+  addVerdicts();
   if (data.duration > 0) addTrajectories();
   data.layers.forEach(addLayer);
   data.notes.forEach((note) => byId("notes").append(element("div", "note", note)));

@@ -47,7 +47,7 @@ function stopRecording() {
 
 function showRecording() {
   byId("record").classList.toggle("on", Boolean(recorder));
-  byId("record").textContent = recorder ? `Recording ${inMs(time)}: stop` : "Record video";
+  byId("record").textContent = recorder ? `Recording ${inSeconds(time)}: stop` : "Record video";
 }
 
 function addRecording() {

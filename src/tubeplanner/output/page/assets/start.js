@@ -27,6 +27,16 @@ function addMotion() {
   setPlaying(!asked);
 }
 
+function takePicture() {  // for the printed page: the scene alone and in the middle
+  const {renderer, scene, camera} = viewer, {view} = camera;
+  camera.clearViewOffset();
+  renderer.render(scene, camera);
+  byId("picture").src = renderer.domElement.toDataURL();
+  view.enabled = true;
+  camera.updateProjectionMatrix();
+  viewer.set_dirty();
+}
+
 async function start() {
   fillPanel();
   addFindings();
@@ -40,6 +50,7 @@ async function start() {
   addViews();
   addOverlay();
   addRecording();
+  window.addEventListener("beforeprint", takePicture);
   if (data.duration > 0) addMotion();
   data.layers.forEach((layer) => show(layer.name, layer.visible));
   addHover();

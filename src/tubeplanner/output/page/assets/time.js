@@ -7,7 +7,7 @@ function setTime(t) {
   viewer.animator.seek(time);
   byId("slider").value = time;
   const readout = byId("readout"), step = showSteps();
-  readout.replaceChildren(element("b", "", inMs(time)), ` of ${inMs(data.duration)}`);
+  readout.replaceChildren(element("b", "", inSeconds(time)), ` of ${inSeconds(data.duration)}`);
   if (data.trajectories.length === 1) {
     const speed = at(data.trajectories[0].speed, time, data.duration);
     readout.append(", ", element("b", "", step), `, tool at ${speed.toFixed(2)} m/s`);

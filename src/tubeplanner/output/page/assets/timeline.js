@@ -12,7 +12,7 @@ function placed(className, begin, end, text) {
 }
 
 function titled(made, text, begin, end) {
-  made.title = `${text}: ${inMs(begin)}${end === undefined ? "" : ` to ${inMs(end)}`}`;
+  made.title = `${text}: ${inSeconds(begin)}${end === undefined ? "" : ` to ${inSeconds(end)}`}`;
   return made;
 }
 
