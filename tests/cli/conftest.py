@@ -10,7 +10,7 @@ from studied import Here
 from tubeplanner.cli import compare as comparison_report
 from tubeplanner.cli import console
 from tubeplanner.cli import info as info_command
-from tubeplanner.cli import location as place_command
+from tubeplanner.cli import place as place_command
 from tubeplanner.cli import plan as plan_outputs
 from tubeplanner.cli import reproduce as reproduce_command
 from tubeplanner.cli import simulate as simulate_command

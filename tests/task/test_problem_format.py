@@ -161,7 +161,7 @@ def test_so_does_one_of_the_top_level_or_of_a_list():
 
 
 @pytest.mark.parametrize(
-    ("place", "value", "name"),
+    ("location", "value", "name"),
     [
         ("tube.radius", ABSENT, "tube.radius"),
         ("start", ABSENT, "start"),
@@ -182,7 +182,7 @@ SCALAR = "it must be a text, a number, true or false"
 
 
 @pytest.mark.parametrize(
-    ("place", "value", "message"),
+    ("location", "value", "message"),
     [
         ("tube.radius", [0.1, "wide"], f"[1] is 'wide'; {NUMBER}"),
         ("tube.points", 5, " is 5; it must be a list"),

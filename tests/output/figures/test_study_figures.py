@@ -45,9 +45,9 @@ def test_no_two_reasons_look_the_same():
         ([1.0, float("inf")], [0, 1], False),
     ],
 )
-def test_numbers_and_factors_are_to_scale_others_in_a_row(values, locations, is_scaled):
+def test_numbers_and_factors_are_to_scale_others_in_a_row(values, positions, is_scaled):
     scale = ValueScale.of("a.b", values)
-    np.testing.assert_array_equal(scale.locations, locations)
+    np.testing.assert_array_equal(scale.positions, positions)
     assert scale.is_scaled == is_scaled
 
 
