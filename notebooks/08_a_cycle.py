@@ -79,7 +79,7 @@ for step in tray.steps:
 
 # %% [markdown]
 # A move that passes through continues the move before it without a stop. Moves without stops
-# between them are a *leg*; legs meet at *seams*. An open end has only the pose of the tool and its
+# between them are a *leg*; legs meet at *junctions*. An open end has only the pose of the tool and its
 # tolerance: the planner chooses the configuration there. The cycle is closed: the last move ends at
 # the start of the first.
 #
@@ -87,7 +87,7 @@ for step in tray.steps:
 #
 # `plan_cycle` first plans every move alone, in order, each from the end of the last one. Then it
 # chooses the open configurations for the shortest sum. The certificate judges every leg with the
-# parts that the tool carries. At the seams it proves that no joint jumps and that the motors hold
+# parts that the tool carries. At the junctions it proves that no joint jumps and that the motors hold
 # the arm at rest before and after each attached or detached part.
 
 # %%
@@ -98,7 +98,7 @@ for name, (begin, end) in result.motion.move_times.items():
 
 # %% [markdown]
 # Which limit costs most? The sensitivities are those of the whole cycle. A limit of a joint counts
-# in all moves, a tolerance in its own move. They hold with the configurations at the seams as they
+# in all moves, a tolerance in its own move. They hold with the configurations at the junctions as they
 # are; if these change too, more time may be saved.
 
 # %%
@@ -112,9 +112,9 @@ print(certificate)
 for leg in tray.legs:
     tube = certificate.moves[leg.moves[0].name].conditions["tube"]
     print(f"   {leg.name}: tube {tube.margin:.2g} m, {tube.coverage}")
-for seam, conditions in certificate.seams.items():
+for junction, conditions in certificate.junctions.items():
     print(
-        f"   {seam}:",
+        f"   {junction}:",
         *(
             f"{name} {each.margin:.2g}"
             for name, each in conditions.items()
@@ -123,7 +123,7 @@ for seam, conditions in certificate.seams.items():
     )
 
 # %% [markdown]
-# The moves of one leg are judged together. At a seam, continuity is minus the largest jump of a
+# The moves of one leg are judged together. At a junction, continuity is minus the largest jump of a
 # joint [rad], and dwell is the rest beyond the duration of the events [s]; both are rounding errors
 # here. The margin of effort is the free fraction of the effort limit at rest. The line "closed"
 # compares the end with the start.
@@ -155,14 +155,14 @@ print(f"{page.name}: {page.stat().st_size / 1e6:.1f} MB")
 # %%
 alone = plan_cycle(tray, QUICK, shares_configurations=False)
 motions = {"alone": alone.motion, "together": result.motion}
-seams = zip(*(motion.seams for motion in motions.values()), strict=True)
-changes = [abs(q_alone - q_together).max() for q_alone, q_together in seams]
-seam = int(np.argmax(changes))
+junctions = zip(*(motion.junctions for motion in motions.values()), strict=True)
+changes = [abs(q_alone - q_together).max() for q_alone, q_together in junctions]
+junction = int(np.argmax(changes))
 names = [leg.name for leg in tray.legs]
-print(f"largest change of a joint at each seam: {np.round(changes, 3)} rad")
-print(f"largest between '{names[seam - 1]}' and '{names[seam]}':")
+print(f"largest change of a joint at each junction: {np.round(changes, 3)} rad")
+print(f"largest between '{names[junction - 1]}' and '{names[junction]}':")
 for name, motion in motions.items():
-    print(f"   {name:9}", np.round(motion.seams[seam], 3), "rad")
+    print(f"   {name:9}", np.round(motion.junctions[junction], 3), "rad")
 
 # %%
 
@@ -175,7 +175,7 @@ def joint_positions(robot, q):
 
 figure, axes = plt.subplots(1, 2, figsize=(12, 5), layout="constrained")
 for motion, color in zip(motions.values(), ("C1", "C0"), strict=True):
-    joints = joint_positions(tray.robot, motion.seams[seam])
+    joints = joint_positions(tray.robot, motion.junctions[junction])
     tool = tray.robot.tool_position(motion.trajectory.sample(rate=200).position)
     for axis, (i, j) in zip(axes, ((0, 1), (1, 2)), strict=True):
         axis.plot(joints[:, i], joints[:, j], "o-", color=color, linewidth=4, alpha=0.8)

@@ -69,7 +69,7 @@ _QUANTITIES = {
     "tool off [m]": "tool_tracking",
 }
 _LIMIT = "at limit [%]"
-_HANDOVERS = ("off, worst [m]", "median [m]", "turned [rad]", "speed [m/s]")
+_HANDOVERS = ("off, worst [m]", "median [m]", "rotation error [rad]", "speed [m/s]")
 
 
 def _error_options(command: Callable[..., Any]) -> Callable[..., Any]:

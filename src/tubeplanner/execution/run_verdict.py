@@ -254,7 +254,7 @@ def summaries(runs: Sequence[JudgedRun]) -> dict[str, RunSummary | None]:
 CONFIDENCE = 0.95
 _WORDS = {
     "tube": "left the tube",
-    "rotation": "turned too far",
+    "rotation": "left the rotation tolerance",
     "points": "missed a compulsory point",
     "position": "passed a position limit",
     "obstacles": "came too near to an obstacle",

@@ -196,7 +196,7 @@ def test_every_tolerance_has_a_panel_with_margins_of_the_move_that_runs(of_cycle
     shown = panels(figure)
     assert "inside the rotation tolerance [mrad]" not in shown
     assert path.read_bytes() == b"a figure"
-    names = ["inside the tube [mm]", "farther from obstacles than asked [mm]"]
+    names = ["inside the tube [mm]", "clearance beyond the required [mm]"]
     time, values = line(shown["tool from the plan [mm]"])
     assert np.isnan(values).sum() == 3  # no line from move to move
     assert time[-1] == pytest.approx(execution.time[-1])

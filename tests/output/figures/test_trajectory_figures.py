@@ -23,7 +23,7 @@ from tubeplanner import (
     sweep,
 )
 from tubeplanner.output.curves import cycle_curves, segments_per_group, size_of, trajectory_curves
-from tubeplanner.output.figures.panels import draw_speed, draw_tube_use, draw_velocities
+from tubeplanner.output.figures.panels import draw_jerks, draw_speed, draw_tube_use, draw_velocities
 from tubeplanner.output.figures.trajectory_figures import plot_cycle, shown_name
 from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.task.steps import Event
@@ -225,6 +225,16 @@ def axes(cycle, motion):
     with pytest.raises(ProblemError, match="give a Cycle"):
         plot_cycle("cycle", motion)
     return plot_cycle(cycle, motion).axes
+
+
+def test_jerks_are_drawn_at_a_stop_too(cycle, motion):
+    """Whose two samples are as many as the ends of a limit's line."""
+    robot = cycle.robot
+    limits = replace(robot.limits, jerk=np.full(robot.joint_count, 100.0))
+    stop = cycle_curves(cycle, motion)[1]
+    limited = replace(stop.problem, robot=robot.with_limits(limits, robot.motors))
+    draw_jerks(axis := Figure().subplots(), replace(stop, problem=limited))
+    assert sorted(line.get_ydata()[0] for line in axis.lines)[:1] == [-100]
 
 
 def test_curves_follow_each_other_without_gaps(cycle, motion):

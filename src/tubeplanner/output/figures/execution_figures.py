@@ -173,7 +173,7 @@ def _cycle_over_time(motion: CycleMotion, execution: Execution) -> list[Callable
     margins: dict[str, list[Band | None]] = {
         "inside the tube [mm]": [tool.tube for tool in tools],
         "inside the rotation\ntolerance [mrad]": [tool.rotation for tool in tools],
-        "farther from obstacles\nthan asked [mm]": beyond,
+        "clearance beyond\nthe required [mm]": beyond,
     }
     for label, bands in margins.items():
         if any(band is not None for band in bands):

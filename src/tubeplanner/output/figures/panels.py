@@ -109,7 +109,7 @@ def draw_jerks(axis: "Axes", curves: TrajectoryCurves) -> None:
     jumps = 1 + np.flatnonzero((np.diff(curves.jerk, axis=0) != 0).any(axis=1))
     for line in axis.lines:
         time, fraction = map(np.asarray, line.get_data())
-        if len(time) == len(curves.jerk):
+        if np.array_equal(time, curves.samples.time):
             line.set_data(np.insert(time, jumps, np.nan), np.insert(fraction, jumps, np.nan))
             line.set(linestyle="-", solid_capstyle="butt")
 
@@ -172,7 +172,7 @@ def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
     axis.plot(curves.samples.time, 100 * curves.tube_use, label=_once(axis, label), **_MAIN)
     if curves.rotation_use is not None:
         used = 100 * curves.rotation_use
-        label = _once(axis, "turned / rotation tolerance")
+        label = _once(axis, "rotation error / tolerance")
         axis.plot(curves.samples.time, used, label=label, **line_style(3))
     axis.axhline(100.0, **LIMIT)
     axis.set_ylim(0.0, 130.0)
