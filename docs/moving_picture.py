@@ -62,7 +62,7 @@ class Scene:
         self.cycle, self.motion = cycle, motion
         self.view = SpaceView(DIRECTION / np.linalg.norm(DIRECTION))
         self._links, _ = link_parts(cycle.robot, MAX_FACES)
-        self._cells = cycle.cells(motion.seams)
+        self._cells = cycle.cells(motion.junctions)
         self._taken = {step.name for step in cycle.steps if isinstance(step, Attach)}
 
     def pixels(self, time: float) -> tuple[np.ndarray, tuple[float, float, float, float]]:
