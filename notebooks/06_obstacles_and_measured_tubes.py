@@ -149,11 +149,11 @@ print("suggested:", survey.suggested)
 
 # %%
 task = load_problem("example:two_link/through_the_gap", reads_tube=False)
-answer = find_route(task, RouteOptions(seed=1))
-print(answer.message)
+result = find_route(task, RouteOptions(seed=1))
+print(result.message)
 
 # %%
-route = answer.found
+route = result.answer
 figure, axis = plt.subplots(figsize=(7, 7), layout="constrained")
 draw_motion(axis, route.problem, route.result.trajectory)
 axis.legend(loc="lower left")

@@ -140,8 +140,8 @@ def read_times(path: Path, cycle: Cycle, duration: float) -> Times:
     if not isinstance(marks, list) or len(marks) != len(cycle.steps):
         raise BadInput(f"{path}: marks are not one for each of {len(cycle.steps)} steps")
     for mark, step in zip(marks, cycle.steps, strict=True):
-        if mark != {"time": mark.get("time"), **_asked(step)}:
-            raise BadInput(f"{path}: the mark {mark} is not that of {_asked(step)}")
+        if mark != {"time": mark.get("time"), **_required(step)}:
+            raise BadInput(f"{path}: the mark {mark} is not that of {_required(step)}")
     begins = [float(mark["time"]) for mark in marks]
     ends = [*begins[1:], duration]
     steps = list(zip(begins, ends, strict=True))
@@ -375,7 +375,7 @@ def _require_one_motion(before: dict[str, Any], move: dict[str, Any]) -> None:
             raise BadInput(f"move '{name}' passes through, and its {key} are others")
 
 
-def _asked(step: Step) -> dict[str, Any]:
+def _required(step: Step) -> dict[str, Any]:
     setting = step.fields.get("set") if step.kind == "event" else None
     return {step.kind: step.name} | ({} if setting is None else {"set": setting})
 

@@ -186,7 +186,7 @@ class Judge:
         """Return the conditions on distances, at the visits' own samples if segments differ."""
         samples = visits.samples if required.changes else samples
         poses = Poses(*self.arm.poses(trajectory.at(samples)))
-        asked = self._asked(samples, required, visits)
+        asked = self._required(samples, required, visits)
         found, count = {}, len(self.clearance.obstacle_pairs)
         kinds = {"obstacles": slice(count), "self_collision": slice(count, None)}
         for name, own in kinds.items():
@@ -198,7 +198,7 @@ class Judge:
                 nearest = min(nearest, self.clearance.inside(poses, 0), key=lambda one: one.margin)
             if len(finer):
                 there = Poses(*self.arm.poses(trajectory.at(finer)))
-                asked_there = self._asked(finer, required, visits)[:, own]
+                asked_there = self._required(finer, required, visits)[:, own]
                 closer, _ = least_margin(pairs, there, asked_there)
                 nearest, where = min(
                     (nearest, where), (closer, finer), key=lambda one: one[0].margin
@@ -206,7 +206,7 @@ class Judge:
             found[name] = _clearance_condition(nearest, where)
         return found
 
-    def _asked(self, samples: Samples, required: Required, visits: Visits) -> np.ndarray:
+    def _required(self, samples: Samples, required: Required, visits: Visits) -> np.ndarray:
         return required.at(samples, visits.current(samples, len(self.problem.tube.radius)))
 
 

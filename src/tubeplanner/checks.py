@@ -103,40 +103,40 @@ def require_kind(options: object, name: str, kind: type) -> None:
 _Kind = TypeVar("_Kind")
 
 
-def given_options(given: object, kind: type[_Kind], label: str = "options are") -> _Kind:
+def checked_options(value: object, kind: type[_Kind], label: str = "options are") -> _Kind:
     """Return options, or the default ones of their class.
 
     Args:
-        given: The options; None: the default ones.
+        value: The options; None: the default ones.
         kind: Class of the options.
         label: Begin of the message.
 
     Raises:
         OptionError: The options are of another kind.
     """
-    if given is None:
+    if value is None:
         return kind()
-    if not isinstance(given, kind):
-        raise OptionError(f"{label} {shown(given)}; give {kind.__name__}")
-    return given
+    if not isinstance(value, kind):
+        raise OptionError(f"{label} {shown(value)}; give {kind.__name__}")
+    return value
 
 
-def given_row(name: str, given: object, of: str) -> list[Any]:
+def checked_row(name: str, value: object, of: str) -> list[Any]:
     """Return a list, tuple, range or array as a list.
 
     Args:
         name: Name of the argument in the message.
-        given: The list, tuple, range or array.
+        value: The list, tuple, range or array.
         of: Noun for the members.
 
     Raises:
         OptionError: The argument is of another kind.
     """
-    if isinstance(given, np.ndarray) and given.ndim > 0:
-        return list(given.tolist())
-    if not isinstance(given, list | tuple | range):
-        raise OptionError(f"{name} is {shown(given)}; give a list of {of}")
-    return list(given)
+    if isinstance(value, np.ndarray) and value.ndim > 0:
+        return list(value.tolist())
+    if not isinstance(value, list | tuple | range):
+        raise OptionError(f"{name} is {shown(value)}; give a list of {of}")
+    return list(value)
 
 
 def require_executor(executor: object) -> None:
@@ -148,12 +148,12 @@ def require_executor(executor: object) -> None:
         )
 
 
-def given_path(name: str, given: object) -> Path:
+def checked_path(name: str, value: object) -> Path:
     """Return an argument as a path.
 
     Raises:
         OptionError: The argument is neither text nor a path.
     """
-    if not isinstance(given, str | os.PathLike):
-        raise OptionError(f"{name} is {shown(given)}; give a path")
-    return Path(given)
+    if not isinstance(value, str | os.PathLike):
+        raise OptionError(f"{name} is {shown(value)}; give a path")
+    return Path(value)

@@ -123,13 +123,13 @@ def on_circle(fraction):
     )
 
 
-def chained(tube, knots, is_asked=None):
+def chained(tube, knots, is_requested=None):
     """Return the segments of a tube that is one chain, and the samples' shares of it."""
     count = tube.segment_count
     grid = KnotGrid((np.linspace(0, 1, knots),), (range(count),))
     samples = grid.samples(np.arange(3) / 3).and_also(grid.phase_ends())
     radius = tube.effective_radius
-    return OrderedSegments(tube.points, radius, grid.runs, samples, is_asked), samples.fraction
+    return OrderedSegments(tube.points, radius, grid.runs, samples, is_requested), samples.fraction
 
 
 def test_a_closed_path_begins_in_its_first_segment_and_ends_in_its_last():
@@ -202,7 +202,7 @@ def test_a_notch_that_the_tool_does_not_reach_is_missed_until_asked_for(beside, 
     assert np.flatnonzero(missed).tolist() == ([20] if is_missed else [])
     assert 20 not in segments.at(tool)
     for asked in (missed, np.arange(40) == 20):
-        held = replace(segments, is_asked=asked).at(tool)
+        held = replace(segments, is_requested=asked).at(tool)
         assert (20 in held) == asked.any()
         assert (np.diff(held[np.argsort(fraction)]) >= 0).all()
 
@@ -213,7 +213,7 @@ def test_of_several_that_are_asked_for_the_farthest_comes_first(asked, given):
     points = np.column_stack([np.arange(7), [0, 0, -1, -1, -2, -2, 0], np.zeros(7)])
     grid = KnotGrid((np.array([0.0, 1.0]),), (range(6),))
     samples = grid.samples(np.array([0.0, 0.5, 1.0]))
-    is_asked = np.isin(np.arange(6), asked)
-    segments = OrderedSegments(points, np.full(6, 100.0), grid.runs, samples, is_asked)
+    is_requested = np.isin(np.arange(6), asked)
+    segments = OrderedSegments(points, np.full(6, 100.0), grid.runs, samples, is_requested)
     tool = np.array([[0.0, 0, 0], [1, 0, 0], [6, 0, 0]])
     assert segments.at(tool).tolist() == [0, given, 5]

@@ -257,7 +257,7 @@ def test_segments_that_a_motion_missed_are_asked_for_from_then_on(case, monkeypa
     requested = []
     for is_new in (True, True, False):
         assert constraints._ask_for_missed(np.zeros((1, 3))) is is_new
-        requested.append(constraints._is_asked.tolist())
+        requested.append(constraints._is_requested.tolist())
     assert requested == [[True, False], [True, True], [True, True]]
 
 

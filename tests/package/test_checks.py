@@ -11,7 +11,7 @@ from tubeplanner import (
     TeachOptions,
     Tolerance,
 )
-from tubeplanner.checks import are_numbers, given_options, given_row, in_figures
+from tubeplanner.checks import are_numbers, checked_options, checked_row, in_figures
 from tubeplanner.first_guess.knot_modification import ModificationOptions
 from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
 
@@ -58,18 +58,18 @@ def test_numbers_of_numpy_are_numbers_finite_or_not_without_a_warning():
 # Arguments of public functions: what they may be, and what is said of others.
 def test_options_are_those_of_the_class_unless_others_are_given():
     options = PlanOptions("suh-bishop")
-    assert given_options(options, PlanOptions) is options
-    assert given_options(None, PlanOptions) == PlanOptions()
+    assert checked_options(options, PlanOptions) is options
+    assert checked_options(None, PlanOptions) == PlanOptions()
     with pytest.raises(OptionError, match=r"^options are {}; give PlanOptions$"):
-        given_options({}, PlanOptions)
+        checked_options({}, PlanOptions)
 
 
 @pytest.mark.parametrize("row", [[1, 2], (1, 2), range(1, 3), np.array([1, 2])])
 def test_a_row_is_a_list_a_tuple_or_an_array(row):
-    assert given_row("radii", row, "numbers") == [1, 2]
+    assert checked_row("radii", row, "numbers") == [1, 2]
 
 
 @pytest.mark.parametrize("other", ["12", {1: 2}, {1, 2}, 1.0, None, np.array(1.0), iter([1])])
 def test_anything_else_is_no_row(other):
     with pytest.raises(OptionError, match=r"^radii is .*; give a list of numbers$"):
-        given_row("radii", other, "numbers")
+        checked_row("radii", other, "numbers")

@@ -42,7 +42,7 @@ def with_effort(fraction):
 
 
 @pytest.fixture
-def given_options(monkeypatch):
+def checked_options(monkeypatch):
     """The options of every trial, which all succeed at once."""
     given = []
 
@@ -84,21 +84,23 @@ def _unknown(size):
 
 
 @pytest.mark.parametrize("is_thorough", [True, False])
-def test_plans_are_quick_and_of_the_shortest_motion(given_options, is_thorough):
+def test_plans_are_quick_and_of_the_shortest_motion(checked_options, is_thorough):
     """And planning goes on only if it is to be thorough."""
     trials = trials_of(line(), limit=100.0, quality="best")
     ((_, found),) = trials.of([with_effort(0.5)], is_thorough)
-    (options,) = given_options
+    (options,) = checked_options
     assert (options.quality, options.slack) == ("fast", 0.0)
     assert 9.9 < options.time_limit <= 10.0
     assert found.is_thorough == options.persistent == is_thorough
 
 
-def test_the_slack_that_is_asked_stays_and_short_searches_leave_each_plan_some_time(given_options):
+def test_the_slack_that_is_asked_stays_and_short_searches_leave_each_plan_some_time(
+    checked_options,
+):
     list(trials_of(line(), slack=0.1).of([with_effort(0.5)], True))
     list(trials_of(line(), limit=5.0).of([with_effort(0.5)], True))
-    assert given_options[0].slack == 0.1
-    assert given_options[1].time_limit == 2.0
+    assert checked_options[0].slack == 0.1
+    assert checked_options[1].time_limit == 2.0
 
 
 @pytest.mark.parametrize(("duration", "is_possible"), [(0.3, False), (1.0, True)])

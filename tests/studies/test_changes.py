@@ -40,7 +40,7 @@ def test_points_are_those_of_the_problem_or_of_its_file(tmp_path):
     for question in (asked(), from_file):
         np.testing.assert_array_equal(question.points, POINTS)
         assert question.segment_count == 3
-    assert from_file.given_tube["radius"] == [0.04, 0.04, 0.04]
+    assert from_file.tube_fields["radius"] == [0.04, 0.04, 0.04]
 
 
 def test_a_question_may_be_about_what_cannot_be_posed():

@@ -45,18 +45,20 @@ def judge_self_collision(motion: JudgedMotion) -> JudgedCondition:
     return _judge_clearance(motion, columns, "no pair of links is checked")
 
 
-def _judge_clearance(motion: JudgedMotion, columns: IntArray, not_asked: str) -> JudgedCondition:
+def _judge_clearance(
+    motion: JudgedMotion, columns: IntArray, not_required_reason: str
+) -> JudgedCondition:
     """Judge the least distance of the checker's pairs (P,) beyond the required distance.
 
-    Without pairs, the coverage is `not_asked`.
+    Without pairs, the coverage is `not_required_reason`.
     """
     checker = motion.problem.collision
     required = AskedDistances(motion).over
     nearest = closest_approach(checker, motion.trajectory, columns, required)
     if nearest is None:
         if not checker.has_link_geometry:
-            not_asked = "the robot has no collision geometry: nothing could be checked"
-        return not_required("m", not_asked)
+            not_required_reason = "the robot has no collision geometry: nothing could be checked"
+        return not_required("m", not_required_reason)
     links, obstacle = checker.owners(nearest.pair)
     location = Location(time=nearest.time, links=links, obstacle=obstacle)
     return bracketed(nearest.lower_bound, nearest.margin, "m", location)
@@ -67,20 +69,20 @@ class ClearanceMargin:
 
     def __init__(self, problem: PlanningProblem, trajectory: JointTrajectory) -> None:
         self._problem, self._trajectory = problem, trajectory
-        self._asked = asked_of_motion(problem, trajectory)
-        self._most = self._asked.by_segment.max(axis=0)
+        self._required = required_of_motion(problem, trajectory)
+        self._most = self._required.by_segment.max(axis=0)
 
     @property
     def is_constant(self) -> bool:
         """True if all segments require the same distances."""
-        return self._asked.is_constant
+        return self._required.is_constant
 
     def at(self, time: FloatArray) -> FloatArray:
         """Return the margins in all segments."""
         tool, distance = self._at(time)
-        rows = [(distance - row).min(axis=1, initial=np.inf) for row in self._asked.by_segment]
-        margin = np.column_stack(rows)[:, self._asked.row_of]
-        for k in {near.segment for near in self._asked.near_ends}:
+        rows = [(distance - row).min(axis=1, initial=np.inf) for row in self._required.by_segment]
+        margin = np.column_stack(rows)[:, self._required.row_of]
+        for k in {near.segment for near in self._required.near_ends}:
             margin[:, k] = self._margin(np.full(len(time), k), tool, distance)
         return margin
 
@@ -89,7 +91,9 @@ class ClearanceMargin:
         return self._margin(segment, *self._at(time))
 
     def _margin(self, segment: IntArray, tool: FloatArray, distance: FloatArray) -> FloatArray:
-        margin: FloatArray = (distance - self._asked.at(segment, tool)).min(axis=1, initial=np.inf)
+        margin: FloatArray = (distance - self._required.at(segment, tool)).min(
+            axis=1, initial=np.inf
+        )
         return margin
 
     def _at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -125,7 +129,7 @@ _MIN_WIDTH = 2.0**-40
 _SAME_TIME = 1e-12  # as a fraction of the duration: parts this near are merged
 
 
-def asked_of_motion(problem: PlanningProblem, trajectory: JointTrajectory) -> RequiredDistances:
+def required_of_motion(problem: PlanningProblem, trajectory: JointTrajectory) -> RequiredDistances:
     """Return the distances that a problem requires between a trajectory's two ends."""
     ends = trajectory.position(np.array([0.0, trajectory.duration]))
     return RequiredDistances(problem, ends[0], ends[1])
@@ -136,15 +140,15 @@ class AskedDistances:
 
     def __init__(self, motion: JudgedMotion) -> None:
         """Take the requirements of a motion and, where these vary, their times."""
-        self._asked = asked_of_motion(motion.problem, motion.trajectory)
-        if self._asked.is_constant:
+        self._required = required_of_motion(motion.problem, motion.trajectory)
+        if self._required.is_constant:
             return
         visits = motion.visits
         self._begin = np.array([visit.begin for visit in visits])
         self._end = np.array([visit.end for visit in visits])
         self._segment = np.array([visit.segment for visit in visits])
         self._near: list[tuple[NearEnd, _Times]] = []
-        for near in self._asked.near_ends:
+        for near in self._required.near_ends:
             there = [visit for visit in visits if visit.segment == near.segment]
             # The distance from a point is convex: over an interval it is nowhere more than at the
             # worst of the Bernstein coefficients.
@@ -156,8 +160,8 @@ class AskedDistances:
 
         At a switching time, the requirements of both segments count.
         """
-        rows = self._asked.by_segment
-        if self._asked.is_constant:
+        rows = self._required.by_segment
+        if self._required.is_constant:
             return rows[0, pair]
         first = np.minimum(np.searchsorted(self._end, begin), len(self._end) - 1)
         last = np.maximum(np.searchsorted(self._begin, end, side="right") - 1, first)
@@ -165,7 +169,7 @@ class AskedDistances:
         most = np.full(len(pair), -np.inf)
         for step in range(int((last - first).max(initial=0)) + 1):
             segment = self._segment[np.minimum(first + step, last)]
-            required = rows[self._asked.row_of[segment], pair]
+            required = rows[self._required.row_of[segment], pair]
             for near, is_inside in inside:
                 less = is_inside & (segment == near.segment) & near.pair[pair]
                 required = np.where(less, np.minimum(required, near.distance), required)
@@ -233,7 +237,7 @@ _MAX_INTERVALS = 3_000_000
 _MAX_ROUNDS = 8
 _BATCH = 64  # distances evaluated before intervals are judged anew
 # Required distances of pairs over intervals of time: from begins, ends and pairs to distances.
-AskedOver: TypeAlias = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
+RequiredOver: TypeAlias = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -256,7 +260,10 @@ class ClosestApproach:
 
 
 def closest_approach(
-    checker: CollisionChecker, trajectory: JointTrajectory, columns: IntArray, asked: AskedOver
+    checker: CollisionChecker,
+    trajectory: JointTrajectory,
+    columns: IntArray,
+    required: RequiredOver,
 ) -> ClosestApproach | None:
     """Return the closest approach of some pairs along a trajectory.
 
@@ -264,15 +271,15 @@ def closest_approach(
         checker: The geometry.
         trajectory: In the group order of the checker's robot.
         columns: Indices of the checker's pairs, shape (P,).
-        asked: Largest required distance of pairs (R,) over intervals of time, from begins (R,) to
-            ends (R,) [m]; the nearer distances come to it, the finer the resolution.
+        required: Largest required distance of pairs (R,) over intervals of time, from begins (R,)
+            to ends (R,) [m]; the nearer distances come to it, the finer the resolution.
 
     Returns:
         The closest approach, or None if there are no pairs.
     """
     if len(columns) == 0:
         return None
-    search = _Search(checker, trajectory, columns, asked)
+    search = _Search(checker, trajectory, columns, required)
     search.halve_until_settled()
     first, second = (int(index) for index in checker.pairs[columns[search.pair]])
     return ClosestApproach(
@@ -316,10 +323,10 @@ class _Search:
         checker: CollisionChecker,
         trajectory: JointTrajectory,
         columns: IntArray,
-        asked: AskedOver,
+        required: RequiredOver,
     ) -> None:
         self._checker, self._trajectory = checker, trajectory
-        self._columns, self._pairs, self._asked = columns, checker.pairs[columns], asked
+        self._columns, self._pairs, self._required = columns, checker.pairs[columns], required
         self._weights = checker.motion_weights(self._pairs)
         self.margin, self.time, self.pair = np.inf, 0.0, 0
         self.lower_bound = np.inf
@@ -364,7 +371,7 @@ class _Search:
         middle = self._trajectory.position(time)
         travel, half = abs(hull - middle).max(axis=0), width / 2
         begin, end = (time - half)[interval], (time + half)[interval]
-        required = self._asked(begin, end, self._columns[rows.pair])
+        required = self._required(begin, end, self._columns[rows.pair])
         rotation, position = self._checker.robot.body_poses(middle)
         travelled = np.einsum("rn,rn->r", self._weights[rows.pair], travel[interval])
         spheres = self._checker.sphere_distances(rotation, position, self._pairs)
@@ -391,7 +398,7 @@ class _Search:
         return lower, direction
 
     def _remember(self, distance: FloatArray, time: FloatArray, pair: IntArray) -> None:
-        margin = distance - self._asked(time, time, self._columns[pair])
+        margin = distance - self._required(time, time, self._columns[pair])
         least = int(margin.argmin())
         if margin[least] < self.margin:
             self.margin = float(margin[least])

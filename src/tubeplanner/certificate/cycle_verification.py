@@ -16,7 +16,7 @@ from tubeplanner.certificate.judged_motion import (
     not_required,
 )
 from tubeplanner.certificate.verification import Certificate, verify
-from tubeplanner.checks import given_options
+from tubeplanner.checks import checked_options
 from tubeplanner.errors import FormerName, ProblemError, TrajectoryError, shown
 from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
@@ -129,7 +129,7 @@ def verify_cycle(
         raise TrajectoryError(
             f"the motion is {shown(motion)}; give a CycleMotion, as plan_cycle returns"
         )
-    tolerance = given_options(tolerance, Tolerance, "the tolerance is")
+    tolerance = checked_options(tolerance, Tolerance, "the tolerance is")
     moves: dict[str, Certificate] = {}
     refused: dict[str, str] = {}
     for k, leg in enumerate(cycle.legs):

@@ -38,7 +38,7 @@ from tubeplanner.certificate.tool_conditions import (
     tool_speed_margin,
 )
 from tubeplanner.certificate.tube_visits import Visit
-from tubeplanner.checks import given_options
+from tubeplanner.checks import checked_options
 from tubeplanner.geometry.collision_checker import LeftOutPair
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -219,7 +219,7 @@ def verify(
     """
     PlanningProblem.require(problem)
     JointTrajectory.require(trajectory)
-    tolerance = given_options(tolerance, Tolerance, "the tolerance is")
+    tolerance = checked_options(tolerance, Tolerance, "the tolerance is")
     certificate = quick_certificate(problem, trajectory, tolerance)
     if certificate.passed or set(certificate.failures()).isdisjoint(_OF_SEGMENTS):
         return certificate

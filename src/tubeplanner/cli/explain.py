@@ -88,24 +88,24 @@ def explain(
     return console.BAD_INPUT if explanation.problem is None else console.INFEASIBLE
 
 
-def explanation_text(found: Explanation, search_time: float) -> str:
+def explanation_text(explanation: Explanation, search_time: float) -> str:
     """Return an explanation as text.
 
     Args:
-        found: The explanation.
+        explanation: The explanation.
         search_time: Wall time of the search [s].
     """
-    location = str(found.location)
+    location = str(explanation.location)
     end = {
         None: "all changes were tried",
         "time_limit": "the time limit passed: with a larger --time-limit there may be more",
         "interrupt": "interrupted: there may be more",
-    }[found.stopped_by]
+    }[explanation.stopped_by]
     lines = [
-        f"{found.name}: {found.status}: {found.message}",
+        f"{explanation.name}: {explanation.status}: {explanation.message}",
         *([f"where: {location}"] if location else []),
-        *(_headroom_lines(found) if found.is_possible else _remedy_lines(found)),
-        f"{found.tried} plans with a change in {search_time:.1f} s; {end}",
+        *(_headroom_lines(explanation) if explanation.is_possible else _remedy_lines(explanation)),
+        f"{explanation.tried} plans with a change in {search_time:.1f} s; {end}",
     ]
     return "\n".join(lines)
 

@@ -154,30 +154,30 @@ def _write(
     return {each.kind: each.path for each in outputs if each.path in console.answer_files().written}
 
 
-def placement_text(found: Placement) -> str:
+def placement_text(result: Placement) -> str:
     """Return counts of the places, reasons of places without motion, the given and best place."""
-    grid = set(found.grid.base_placements)
-    on_grid = sum(row.base_placement in grid for row in found.rows)
+    grid = set(result.grid.base_placements)
+    on_grid = sum(row.base_placement in grid for row in result.rows)
     positions = len({base_placement[:3] for base_placement in grid})
-    restored = f"; {found.restored} of them from the journal" if found.restored else ""
-    duration = found.given.duration
-    outcome = found.given.message if duration is None else f"{duration:.4f} s"
+    restored = f"; {result.restored} of them from the journal" if result.restored else ""
+    duration = result.given.duration
+    outcome = result.given.message if duration is None else f"{duration:.4f} s"
     lines = [
-        f"{found.problem.name}: {len(found.rows)} places tried, {on_grid} on the grid (positions: "
-        f"{positions}, angles at each: {len(grid) // positions}){restored}; {found.feasible_count} "
-        "have a motion",
-        *_reason_lines(found),
-        f"as given: {_pose_words(found.given.base_placement)}: {outcome}",
+        f"{result.problem.name}: {len(result.rows)} places tried, {on_grid} on the grid "
+        f"(positions: {positions}, angles at each: {len(grid) // positions}){restored}; "
+        f"{result.feasible_count} have a motion",
+        *_reason_lines(result),
+        f"as given: {_pose_words(result.given.base_placement)}: {outcome}",
     ]
-    if found.best is None or found.duration is None:
-        lines.append(found.message)
+    if result.best is None or result.duration is None:
+        lines.append(result.message)
     else:
-        gain, comparison = found.gain, ""
+        gain, comparison = result.gain, ""
         if gain is not None:
             comparison = f", {abs(gain):.1%} {'less' if gain >= 0 else 'more'} than as given"
-        best = _pose_words(found.best.base_placement)
-        lines.append(f"best: {best}: {found.duration:.4f} s{comparison}")
-    if found.stopped_by is not None:
+        best = _pose_words(result.best.base_placement)
+        lines.append(f"best: {best}: {result.duration:.4f} s{comparison}")
+    if result.stopped_by is not None:
         lines.append("interrupted: the best so far")
     return "\n".join(lines)
 

@@ -88,7 +88,7 @@ def route(
         source = find_problem(problem, Path())
         require_writable(outputs, [*ProblemLayers.read(source).files, loaded.robot.urdf.path])
         answer = find_route(loaded, options, enter)
-    tubes = {output: answer.found, measured: answer.measured}
+    tubes = {output: answer.answer, measured: answer.measured}
     fields = read_fields(source, changes)
     tube = included_fields(fields, source.parent, source).get("tube")
     replaced = {"tube": tube} if isinstance(tube, dict) else {}
@@ -163,7 +163,7 @@ def teach(
         require_writable(outputs, [loaded.robot.urdf.path])
         answer = teach_tube(loaded, recorded, options, enter)
     answer = replace(answer, notes=(*notes, *answer.notes), recorded_duration=duration)
-    written = _write(cell.fields, cell.folder, {output: answer.found})
+    written = _write(cell.fields, cell.folder, {output: answer.answer})
     return _print_answer(loaded, answer, None, {"problem": output}, written, as_json)
 
 
@@ -179,14 +179,14 @@ def _write(
 ) -> list[Path]:
     """Write the problems of tubes to the requested files; return the written files."""
     hold_interrupts()
-    found = {path: tube.problem for path, tube in tubes.items() if path and tube}
+    answer = {path: tube.problem for path, tube in tubes.items() if path and tube}
     console.write_answer(
         *(
             console.Output("problem", path, partial(with_problem, fields, folder, problem=problem))
-            for path, problem in found.items()
+            for path, problem in answer.items()
         )
     )
-    return [path for path in found if console.unless_failed(path)]
+    return [path for path in answer if console.unless_failed(path)]
 
 
 def _print_answer(
@@ -228,13 +228,13 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
             "none" if duration is None else f"{duration:.3f} s" for duration in answer.compared
         ]
         lines.append(f"along the routes compared, quality fast and slack 0: {', '.join(listed)}")
-    if answer.found is not None:
-        tube = answer.found.problem.tube
+    if answer.answer is not None:
+        tube = answer.answer.problem.tube
         for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):
             location = ", ".join(f"{x:.4f}" for x in point)
             width = "" if radius is None else f", then a radius of {1000 * radius:.1f} mm"
             lines.append(f"point {k}: [{location}] m{width}")
-    if answer.measured is not None and answer.measured is not answer.found:
+    if answer.measured is not None and answer.measured is not answer.answer:
         radii = ", ".join(f"{1000 * radius:.1f}" for radius in answer.measured.problem.tube.radius)
         lines.append(
             f"measured tube, in which nothing collides: {answer.measured.duration:.4f} s at slack "
@@ -242,8 +242,8 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
         )
     lines += [f"note: {note}" for note in answer.notes]
     lines.append(f"{answer.status}: {answer.message}")
-    if answer.found is not None and answer.recorded_duration is not None:
-        before, after = answer.recorded_duration, answer.found.duration
+    if answer.answer is not None and answer.recorded_duration is not None:
+        before, after = answer.recorded_duration, answer.answer.duration
         lines.append(
             f"recorded {before:.3f} s -> planned {after:.3f} s, {abs(1 - after / before):.1%} "
             f"{'less' if after <= before else 'more'}"

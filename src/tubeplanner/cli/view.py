@@ -87,11 +87,11 @@ def _shown(
         enter(f"certificate {k + 1} of {len(files)}")
         if isinstance(loaded, Cycle):
             motions.append(motion_of_file(loaded, path, file))
-            told: tuple[Any, list[str]] = cycle_motion_notes(motions[-1], name, file)
+            messages: tuple[Any, list[str]] = cycle_motion_notes(motions[-1], name, file)
         else:
             motions.append(file.trajectory)
-            told = motion_notes(loaded, name, file)
-        certificate, (verdict, *others) = told
+            messages = motion_notes(loaded, name, file)
+        certificate, (verdict, *others) = messages
         judged.append(certificate)
         verdicts.append(verdict)
         notes += others

@@ -63,7 +63,7 @@ class ReferenceRotation:
         ends = np.array([self._begin, self._end])
         self._keeps_bounds = bool(self._tube.margin_of(ends, segment).min() >= 0)
 
-    def wanted(self, fraction: float, point: FloatArray) -> WantedRotation:
+    def target(self, fraction: float, point: FloatArray) -> WantedRotation:
         """Return the tool's target orientation at a point (3,), after a fraction of the segment."""
         reference = self._tube.reference(point[None], self._segment)[0]
         return WantedRotation(reference, self._vector_after(fraction), self._components)
@@ -150,7 +150,7 @@ class SegmentWalk:
         segment: int,
         ends: FloatArray,
         begin: FloatArray,
-        wanted: FloatArray | None,
+        target: FloatArray | None,
         goal: FloatArray | None,
         *,
         with_rotation: bool = True,
@@ -162,14 +162,14 @@ class SegmentWalk:
             segment: Index of the tube's segment.
             ends: First and last position of the tool, shape (2, 3) [m].
             begin: Configuration at the start, shape (n,).
-            wanted: Targets of redundant joints at the start and at the end, shape (2, n); None:
+            target: Targets of redundant joints at the start and at the end, shape (2, n); None:
                 redundant joints move as little as possible.
             goal: Configuration to settle in at the end; None: any that the next segment allows.
             with_rotation: Whether the walk keeps the rotation tolerance, if there is one.
         """
         self._problem, self._segment = problem, segment
         self._ends, self._begin = ends, begin
-        self._wanted, self._goal = wanted, goal
+        self._wanted, self._goal = target, goal
         self._lower, self._upper = problem.joint_lower[segment], problem.joint_upper[segment]
         following = min(segment + 1, problem.tube.segment_count - 1)
         self._end_lower = np.maximum(self._lower, problem.joint_lower[following])
@@ -276,7 +276,7 @@ class SegmentWalk:
         self, fraction: float, seed: FloatArray, preferred: FloatArray
     ) -> PositionSolution:
         robot, point = self._problem.robot, self._point(fraction)
-        rotation = None if self._rotation is None else self._rotation.wanted(fraction, point)
+        rotation = None if self._rotation is None else self._rotation.target(fraction, point)
         return solve_position(robot, point, seed, self._lower, self._upper, preferred, rotation)
 
     def _point(self, fraction: float) -> FloatArray:

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray, read_only
-from tubeplanner.checks import given_row
+from tubeplanner.checks import checked_row
 from tubeplanner.errors import OptionError, TrajectoryError, shown
 from tubeplanner.limits.path_samples import (
     CoulombFriction,
@@ -65,7 +65,7 @@ def scaling_factor(
     if segment is not None:
         count, last = len(state[0]), problem.tube.segment_count - 1
         expected = f"{count} whole numbers from 0 to {last}"
-        row = given_row("segment", segment, expected)
+        row = checked_row("segment", segment, expected)
         if len(row) != count or not all(isinstance(k, int) and 0 <= k <= last for k in row):
             raise OptionError(f"segment is {shown(row)}; give {expected}")
         segment = np.array(row, dtype=np.int64)

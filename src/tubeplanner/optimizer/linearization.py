@@ -62,7 +62,7 @@ class Linearization:
         self,
         current: Iterate,
         rows: tuple[Rows, FloatArray],
-        given: Given,
+        value: Given,
         variables: ControlVariables,
         bounds: Bounds,
         quadratic: Quadratic,
@@ -73,7 +73,7 @@ class Linearization:
         Args:
             current: The trajectory.
             rows: All constraints but regions, and 1 for those that may be violated, else 0.
-            given: The constraints of the first program.
+            value: The constraints of the first program.
             variables: The variable control points.
             bounds: Of the step.
             quadratic: Cost of the step.
@@ -81,12 +81,12 @@ class Linearization:
         """
         self._current, self._variables, self._bounds = current, variables, bounds
         self._rows, self._is_elastic = rows
-        self._near, self._active = given.rows, given.rows.copy()
-        self._planes, self._ignored = given.planes, given.ignored
+        self._near, self._active = value.rows, value.rows.copy()
+        self._planes, self._ignored = value.planes, value.ignored
         self._quadratic, self.penalty = quadratic, penalty
         self._parts: list[_Part] = []
-        self._give(np.flatnonzero(given.rows))
-        for kind, planes in enumerate(given.planes):
+        self._give(np.flatnonzero(value.rows))
+        for kind, planes in enumerate(value.planes):
             self._give_planes(kind, planes)
 
     @property

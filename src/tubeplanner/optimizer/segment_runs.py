@@ -147,7 +147,7 @@ class OrderedSegments:
         radius: Of the segments, shape (m,) [m].
         runs: The segments of every phase.
         samples: The samples, in any order.
-        is_asked: Whether a segment gets a sample wherever the tool is, shape (m,): the segments
+        is_requested: Whether a segment gets a sample wherever the tool is, shape (m,): the segments
             that it missed at denser samples. None: no segment.
     """
 
@@ -155,7 +155,7 @@ class OrderedSegments:
     radius: FloatArray
     runs: tuple[range, ...]
     samples: Samples
-    is_asked: BoolArray | None = None
+    is_requested: BoolArray | None = None
 
     @cached_property
     def in_run(self) -> BoolArray:
@@ -179,11 +179,11 @@ class OrderedSegments:
         return missed
 
     def _passage(self, tool: FloatArray, run: range, members: IntArray) -> "_Passage":
-        own, is_asked = slice(run.start, run.stop), np.zeros(len(run), dtype=bool)
-        if self.is_asked is not None:
-            is_asked = self.is_asked[own]
+        own, is_requested = slice(run.start, run.stop), np.zeros(len(run), dtype=bool)
+        if self.is_requested is not None:
+            is_requested = self.is_requested[own]
         points = self.points[run.start : run.stop + 1]
-        return _Passage(tool[members], points, self.radius[own], is_asked)
+        return _Passage(tool[members], points, self.radius[own], is_requested)
 
     @cached_property
     def _members(self) -> list[tuple[range, IntArray]]:
@@ -230,13 +230,13 @@ class _Passage:
         tool: Tool positions at N samples, in the order of time, shape (N, 3) [m].
         points: The chain's reference points, shape (m+1, 3) [m].
         radius: Of its segments, shape (m,) [m].
-        is_asked: Whether a segment gets a sample in any case, shape (m,).
+        is_requested: Whether a segment gets a sample in any case, shape (m,).
     """
 
     tool: FloatArray
     points: FloatArray
     radius: FloatArray
-    is_asked: BoolArray
+    is_requested: BoolArray
 
     def missed(self) -> BoolArray:
         """Return True for segments with no sample inside, shape (m,)."""
@@ -292,9 +292,9 @@ class _Passage:
         own = np.sqrt(self._square[np.arange(len(choice)), choice]) / self.radius[choice]
         beside = np.maximum(own[:-1], own[1:])
         several = np.diff(choice) > 1
-        asked_before = np.concatenate([[0], np.cumsum(self.is_asked)])
-        leaves_asked = several & (asked_before[choice[1:]] > asked_before[choice[:-1] + 1])
-        for step in np.flatnonzero((several & (left_out > travel)) | leaves_asked):
+        asked_before = np.concatenate([[0], np.cumsum(self.is_requested)])
+        leaves_requested = several & (asked_before[choice[1:]] > asked_before[choice[:-1] + 1])
+        for step in np.flatnonzero((several & (left_out > travel)) | leaves_requested):
             segments = np.arange(choice[step] + 1, choice[step + 1])
             line = self.tool[step : step + 2]
             between = self.points[segments[0] : segments[-1] + 2]
@@ -308,8 +308,8 @@ class _Passage:
             is_far = distance > 1 or distance > max(_FAR, _FARTHER * beside[step])
             if is_short_cut and is_far:
                 farthest[step], fraction[step] = segment, distance
-            elif leaves_asked[step]:
-                away[~self.is_asked[segments]] = 0.0
+            elif leaves_requested[step]:
+                away[~self.is_requested[segments]] = 0.0
                 worst = int(away.argmax())
                 farthest[step], fraction[step] = segments[worst], max(away[worst], _MIN_FRACTION)
         return farthest, fraction

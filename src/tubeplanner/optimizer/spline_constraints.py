@@ -189,7 +189,7 @@ class SplineConstraints:
         self._last_sample = ends.where(np.array([len(grid.runs) - 1]))
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
         # Of the segments of chains, those that get a sample wherever the tool is.
-        self._is_asked = np.zeros(problem.tube.segment_count, dtype=bool)
+        self._is_requested = np.zeros(problem.tube.segment_count, dtype=bool)
 
     def blend(self, intervals: float) -> bool:
         """Blend friction over a number of knot intervals; return True if that is a change."""
@@ -272,8 +272,8 @@ class SplineConstraints:
         """Ask for the segments that the tool misses at dense samples; return True if one is new."""
         points, runs = self._problem.tube.points, self._grid.runs
         segments = OrderedSegments(points, self._radius, runs, self._dense_samples)
-        missed = segments.missed(tool) & ~self._is_asked
-        self._is_asked = self._is_asked | missed
+        missed = segments.missed(tool) & ~self._is_requested
+        self._is_requested = self._is_requested | missed
         return bool(missed.any())
 
     def add_samples(self, spline: PhasedSpline, x: float) -> None:
@@ -299,7 +299,7 @@ class SplineConstraints:
     def _at(
         self, spline: PhasedSpline, watched: Mapping[bool, Samples], tube_samples: Samples
     ) -> Iterate:
-        arm = _ArmAlong(self._problem, spline, self._radius, self._blended, self._is_asked)
+        arm = _ArmAlong(self._problem, spline, self._radius, self._blended, self._is_requested)
         limits = tuple(
             EvaluatedSpeedLimit(limit, *arm.at(self._points(limit, watched)), numbers)
             for limit, numbers in self._limits
@@ -379,10 +379,10 @@ class _ArmAlong:
         spline: PhasedSpline,
         radius: FloatArray,
         blended: float,
-        is_asked: BoolArray,
+        is_requested: BoolArray,
     ) -> None:
         self._problem, self._spline, self._radius = problem, spline, radius
-        self._is_asked = is_asked
+        self._is_requested = is_requested
         # Of a joint's largest velocity.
         self._blended_fraction = min(blended / spline.grid.interval_count, 1.0)
         self._is_last = blended <= BLENDED
@@ -407,7 +407,7 @@ class _ArmAlong:
 
     def segments_of(self, samples: Samples) -> OrderedSegments:
         points, runs = self._problem.tube.points, self._spline.grid.runs
-        return OrderedSegments(points, self._radius, runs, samples, self._is_asked)
+        return OrderedSegments(points, self._radius, runs, samples, self._is_requested)
 
     def _segment(self, samples: Samples) -> IntArray:
         return self.segments_of(samples).at(self.at(samples)[1].tool_pose[1])

@@ -8,7 +8,7 @@ import numpy as np
 
 from tubeplanner.certificate.cycle_verification import verify_cycle
 from tubeplanner.certificate.verification import judged_visits
-from tubeplanner.checks import given_options
+from tubeplanner.checks import checked_options
 from tubeplanner.outcome import (
     Infeasible,
     Location,
@@ -63,7 +63,7 @@ def plan_cycle(
         KeyboardInterrupt: Ctrl-C before all moves were certified.
     """
     Cycle.require(cycle)
-    options = given_options(options, PlanOptions)
+    options = checked_options(options, PlanOptions)
     for k in range(len(cycle.legs)):
         require_supported(cycle.problem_from_anywhere(k), options)
     clock = PlanningClock(options.time_limit, progress)

@@ -8,7 +8,7 @@ from typing import TypeGuard
 import numpy as np
 
 from tubeplanner.certificate.refusal import require_free
-from tubeplanner.checks import given_options
+from tubeplanner.checks import checked_options
 from tubeplanner.errors import OptionError
 from tubeplanner.execution.mujoco_model import require_mujoco, require_no_followers
 from tubeplanner.first_guess.branches import (
@@ -78,7 +78,7 @@ class Planner:
             RobotError: Robustness is asked for, and joints of the robot follow others.
         """
         PlanningProblem.require(problem)
-        self._problem, self._options = problem, given_options(options, PlanOptions)
+        self._problem, self._options = problem, checked_options(options, PlanOptions)
         require_supported(problem, self._options)
         self._last: RefinedMotion | None = None
 

@@ -117,9 +117,9 @@ class TightenedPlans:
         """
         return tightened_problem(self._problem, tightening)
 
-    def allowed(self, asked: Tightening) -> Tightening:
+    def allowed(self, requested: Tightening) -> Tightening:
         """Return a tightening reduced to the slack of limits, start and goal."""
-        return allowed_tightening(self._problem, asked, self._ends)
+        return allowed_tightening(self._problem, requested, self._ends)
 
     def planned(self, tightening: Tightening, motion: RefinedMotion | None) -> PlanResult | None:
         """Return the shortest plan of a tightened problem, from a motion if given, or None.

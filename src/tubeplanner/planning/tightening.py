@@ -80,12 +80,14 @@ class Tightening:
         return {name: np.asarray(getattr(self, name)).tolist() for name in PARTS}
 
 
-def allowed_tightening(problem: PlanningProblem, asked: Tightening, ends: FloatArray) -> Tightening:
+def allowed_tightening(
+    problem: PlanningProblem, requested: Tightening, ends: FloatArray
+) -> Tightening:
     """Return a tightening reduced to the slack of limits, start and goal.
 
     Args:
         problem: The planning problem.
-        asked: The tightening to reduce.
+        requested: The tightening to reduce.
         ends: First and, if given, last configuration of the motion, shape (1 or 2, n).
     """
     tube, limits = problem.tube, problem.robot.limits
@@ -94,8 +96,8 @@ def allowed_tightening(problem: PlanningProblem, asked: Tightening, ends: FloatA
     if tube.rotation is not None:
         tightest = tube.rotation.bounds.min(axis=1)
         angle = np.where(np.isfinite(tightest), tightest, 0.0)
-    radius = np.minimum(asked.radius, _MAX_FRACTION * tube.effective_radius)
-    rotation = np.minimum(asked.rotation, _MAX_FRACTION * angle)
+    radius = np.minimum(requested.radius, _MAX_FRACTION * tube.effective_radius)
+    rotation = np.minimum(requested.rotation, _MAX_FRACTION * angle)
     margin, rotation_margin = tube.margin(tool), tube.rotation_margin(rotations, tool)
     for end, segment in enumerate((0, -1)[: len(ends)]):
         radius[segment] = min(radius[segment], margin[end, segment] - _ROUNDING)
@@ -118,12 +120,12 @@ def allowed_tightening(problem: PlanningProblem, asked: Tightening, ends: FloatA
     spare_distance = float((np.array(distances) - least)[:, counts].min(initial=np.inf))
     distance = spare_distance - _ROUNDING
     return replace(
-        asked,
+        requested,
         radius=radius.clip(min=0),
         rotation=rotation.clip(min=0),
-        velocity=np.clip(asked.velocity, _MIN_VELOCITY, 1.0),
-        position=np.minimum(asked.position, slack - _ROUNDING).clip(min=0),
-        clearance=max(min(asked.clearance, distance), 0.0),
+        velocity=np.clip(requested.velocity, _MIN_VELOCITY, 1.0),
+        position=np.minimum(requested.position, slack - _ROUNDING).clip(min=0),
+        clearance=max(min(requested.clearance, distance), 0.0),
     )
 
 

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from tubeplanner.checks import given_path
+from tubeplanner.checks import checked_path
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import GivenPackageDirs, PackageDirs, find_mesh
 from tubeplanner.robot.joint_limits import JointLimits, resolve_limits
@@ -416,7 +416,7 @@ def robot_info(
     Raises:
         RobotError: The URDF is malformed, no joint can move, or an argument does not fit the robot.
     """
-    directory = given_path("directory", directory)
+    directory = checked_path("directory", directory)
     folders = package_folders(package_dirs, directory)
     description = read_description(urdf, srdf, xacro_args, folders, directory)
     frame = likely_tool_frame(description) if tool_frame is None else tool_frame

@@ -246,14 +246,14 @@ def _require_bounded_speed(joint_names: Sequence[str], limits: Mapping[str, Floa
 
 
 def velocity_by_position(
-    where: str, joint: int, given: Any, range_: FloatArray
+    where: str, joint: int, user_value: Any, range_: FloatArray
 ) -> VelocityByPosition:
     """Return the velocity law of a joint.
 
     Args:
         where: Label in messages.
         joint: Index of the joint in the group.
-        given: A map with deceleration and offset, and lower and upper where they are not the
+        user_value: A map with deceleration and offset, and lower and upper where they are not the
             position limits.
         range_: The joint's position limits, shape (2,) [rad or m].
 
@@ -261,13 +261,13 @@ def velocity_by_position(
         RobotError: A key is unknown or missing, a number is out of its bounds, or there is no
             finite lower and upper.
     """
-    if not isinstance(given, Mapping):
-        raise RobotError(f"{where} is {shown(given)}; give a map with {', '.join(_LAW_KEYS)}")
-    for key in given:
+    if not isinstance(user_value, Mapping):
+        raise RobotError(f"{where} is {shown(user_value)}; give a map with {', '.join(_LAW_KEYS)}")
+    for key in user_value:
         if key not in _LAW_KEYS:
             raise RobotError(f"{where}: {unknown_name('key', key, _LAW_KEYS)}")
     values: dict[str, Any] = dict(zip(("lower", "upper"), range_, strict=True))
-    values |= {key: value for key, value in given.items() if value is not None}
+    values |= {key: value for key, value in user_value.items() if value is not None}
     for key, least in (("deceleration", _MIN_DECELERATION), ("offset", 0.0)):
         value: Any = values.get(key)
         if not is_number(value) or not least <= value <= _MAX_DECELERATION:

@@ -95,13 +95,13 @@ _Layer: TypeAlias = LimitOverrides | LimitLayer
 GivenLimits: TypeAlias = _Layer | Sequence[_Layer]
 
 
-def layers_of(given: GivenLimits) -> list[LimitLayer]:
+def layers_of(value: GivenLimits) -> list[LimitLayer]:
     """Return limits as a list of layers.
 
     Raises:
         RobotError: An entry is neither LimitOverrides nor a LimitLayer.
     """
-    entries: Sequence[Any] = given if isinstance(given, list | tuple) else [given]
+    entries: Sequence[Any] = value if isinstance(value, list | tuple) else [value]
     layers = []
     for entry in entries:
         if not isinstance(entry, LimitOverrides | LimitLayer):

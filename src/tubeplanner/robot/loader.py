@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tubeplanner.checks import are_numbers, given_path, given_row
+from tubeplanner.checks import are_numbers, checked_path, checked_row
 from tubeplanner.errors import RobotError, shown
 from tubeplanner.resources import GivenPackageDirs, PackageDirs, find_description
 from tubeplanner.robot.joint_limits import resolve_limits
@@ -73,7 +73,7 @@ def load_robot(
         if part is not None and not isinstance(part, kind):
             raise RobotError(f"robot.{name} is {shown(part)}; give a {kind.__name__}")
     _require_map("locked_joints", locked_joints)
-    directory = given_path("directory", directory)
+    directory = checked_path("directory", directory)
     folders = package_folders(package_dirs, directory)
     description = read_description(urdf, srdf, xacro_args, folders, directory)
     group = planning_group(description, tool_frame, joints)
@@ -121,17 +121,17 @@ def read_description(
     return replace(description, srdf=read, notes=notes)
 
 
-def package_folders(given: GivenPackageDirs, directory: Path) -> PackageDirs:
+def package_folders(value: GivenPackageDirs, directory: Path) -> PackageDirs:
     """Return package folders as paths, with their names if they are a map, joined to a directory.
 
     Raises:
         OptionError: The folders are no list or map of paths.
     """
-    if isinstance(given, Mapping):
-        folders = {str(name): given_path("robot.package_dirs", given[name]) for name in given}
+    if isinstance(value, Mapping):
+        folders = {str(name): checked_path("robot.package_dirs", value[name]) for name in value}
         return tuple((name, directory / folder) for name, folder in folders.items())
-    rows = given_row("robot.package_dirs", given, "folders")
-    return tuple(directory / given_path("robot.package_dirs", folder) for folder in rows)
+    rows = checked_row("robot.package_dirs", value, "folders")
+    return tuple(directory / checked_path("robot.package_dirs", folder) for folder in rows)
 
 
 def _require_map(name: str, value: object) -> None:

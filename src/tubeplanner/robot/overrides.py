@@ -314,123 +314,132 @@ class EffortRange:
         return between[np.searchsorted(self.position, q, side="right")]
 
 
-def effort_range(joint: int, given: Any) -> EffortRange:
+def effort_range(joint: int, user_value: Any) -> EffortRange:
     """Return the effort limits of a joint.
 
     Args:
         joint: Index of the joint in the group.
-        given: [backwards, forwards], or a map, as `require_effort_range` accepts them.
+        user_value: [backwards, forwards], or a map, as `require_effort_range` accepts them.
     """
-    if isinstance(given, Mapping):
-        return EffortRange(joint, given["position"], given["effort"], given["effort"])
-    backwards, forwards = given
+    if isinstance(user_value, Mapping):
+        return EffortRange(
+            joint, user_value["position"], user_value["effort"], user_value["effort"]
+        )
+    backwards, forwards = user_value
     return EffortRange(joint, np.zeros(1), np.array([backwards]), np.array([forwards]))
 
 
-def require_effort_range(where: str, given: Any) -> None:
+def require_effort_range(where: str, user_value: Any) -> None:
     """Raise unless a limit is [backwards, forwards], or a map with positions and efforts there.
 
     Args:
         where: Label in messages.
-        given: The limit.
+        user_value: The limit.
 
     Raises:
         RobotError: The limit is neither, a magnitude is out of its bounds, or positions do not
             increase.
     """
-    if not isinstance(given, Mapping):
-        if not _is_list(given) or len(given) != 2:
+    if not isinstance(user_value, Mapping):
+        if not _is_list(user_value) or len(user_value) != 2:
             raise RobotError(
-                f"{where} {shown(given)}; give a number from {_MIN:g} to {_MAX:g}, [backwards, "
-                "forwards], or a map with position and effort"
+                f"{where} {shown(user_value)}; give a number from {_MIN:g} to {_MAX:g}, "
+                "[backwards, forwards], or a map with position and effort"
             )
-        return _require_magnitudes(where, given)
-    for key in given:
+        return _require_magnitudes(where, user_value)
+    for key in user_value:
         if key not in _KEYS:
-            raise RobotError(f"{where} {shown(given)}: {unknown_name('key', key, _KEYS)}")
-    position, effort = given.get("position", ()), given.get("effort", ())
+            raise RobotError(f"{where} {shown(user_value)}: {unknown_name('key', key, _KEYS)}")
+    position, effort = user_value.get("position", ()), user_value.get("effort", ())
     if not _is_list(position) or not _is_list(effort) or not 0 < len(position) == len(effort):
         raise RobotError(
-            f"{where} {shown(given)}; give as many numbers in position as in effort, at least one"
+            f"{where} {shown(user_value)}; give as many numbers in position as in effort, at least "
+            "one"
         )
     if not all(is_number(q) and np.isfinite(q) for q in position) or any(np.diff(position) <= 0):
         raise RobotError(f"{where} position {shown(position)}; give finite numbers that increase")
     return _require_magnitudes(f"{where} effort", effort)
 
 
-def _is_list(given: Any) -> bool:
-    return isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim == 1)
+def _is_list(user_value: Any) -> bool:
+    return isinstance(user_value, list | tuple) or (
+        isinstance(user_value, np.ndarray) and user_value.ndim == 1
+    )
 
 
-def _require_magnitudes(where: str, given: Any) -> None:
-    for value in given:
+def _require_magnitudes(where: str, user_value: Any) -> None:
+    for value in user_value:
         if not is_number(value) or not _MIN <= value <= _MAX:
             raise RobotError(
-                f"{where} {shown(given)} has {in_figures(value)}; give magnitudes from {_MIN:g} "
-                f"to {_MAX:g}"
+                f"{where} {shown(user_value)} has {in_figures(value)}; give magnitudes from "
+                f"{_MIN:g} to {_MAX:g}"
             )
 
 
 # ---- Values of joints: a number for all, a list in chain order, or a map by name.
 
 
-def require_per_joint(where: str, given: Any, *, takes_number: bool = True) -> None:
+def require_per_joint(where: str, user_value: Any, *, takes_number: bool = True) -> None:
     """Raise unless values are a list, a map, or a number for all joints.
 
     Args:
         where: Label in messages.
-        given: The values.
+        user_value: The values.
         takes_number: True if a number may serve for all joints.
 
     Raises:
         RobotError: The values have another type.
     """
-    is_list = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim > 0)
-    if isinstance(given, Mapping) or is_list or (takes_number and is_number(given)):
+    is_list = isinstance(user_value, list | tuple) or (
+        isinstance(user_value, np.ndarray) and user_value.ndim > 0
+    )
+    if isinstance(user_value, Mapping) or is_list or (takes_number and is_number(user_value)):
         return
     if not takes_number:
         raise RobotError(
-            f"{where} is {shown(given)}; it must be a map by name, or a list with one for each "
-            "joint"
+            f"{where} is {shown(user_value)}; it must be a map by name, or a list with one for "
+            "each joint"
         )
     raise RobotError(
-        f"{where} is {shown(given)}; it must be one number for all joints, a list with one for "
-        "each, or a map by name, such as {'elbow_joint': 1.5}"
+        f"{where} is {shown(user_value)}; it must be one number for all joints, a list with one "
+        "for each, or a map by name, such as {'elbow_joint': 1.5}"
     )
 
 
-def entries_of(where: str, given: Any) -> Iterator[tuple[str, Any]]:
+def entries_of(where: str, user_value: Any) -> Iterator[tuple[str, Any]]:
     """Yield pairs of a label in messages and a value."""
-    if isinstance(given, Mapping):
-        yield from ((f"{where}: joint {shown(name)} at", value) for name, value in given.items())
-    elif is_number(given):
-        yield f"{where} is", given
+    if isinstance(user_value, Mapping):
+        yield from (
+            (f"{where}: joint {shown(name)} at", value) for name, value in user_value.items()
+        )
+    elif is_number(user_value):
+        yield f"{where} is", user_value
     else:
-        yield from ((f"{where}[{k}] is", value) for k, value in enumerate(given))
+        yield from ((f"{where}[{k}] is", value) for k, value in enumerate(user_value))
 
 
 def values_by_name(
-    where: str, given: Any, chain: Sequence[str], *, takes_number: bool = True
+    where: str, user_value: Any, chain: Sequence[str], *, takes_number: bool = True
 ) -> Mapping[str, Any]:
     """Return values by joint name.
 
     Args:
         where: Label in messages.
-        given: The values, as `require_per_joint` accepts them.
+        user_value: The values, as `require_per_joint` accepts them.
         chain: The joints of the planning group, in chain order.
         takes_number: True if a number may serve for all joints.
 
     Raises:
         RobotError: A list has another number of values than there are joints.
     """
-    if isinstance(given, Mapping):
-        return given
-    if is_number(given):
-        return dict.fromkeys(chain, given)
-    if len(given) != len(chain):
+    if isinstance(user_value, Mapping):
+        return user_value
+    if is_number(user_value):
+        return dict.fromkeys(chain, user_value)
+    if len(user_value) != len(chain):
         alone = "one for all joints, " if takes_number else ""
         raise RobotError(
-            f"{where} has {len(given)} values for {len(chain)} joints; give "
+            f"{where} has {len(user_value)} values for {len(chain)} joints; give "
             f"{alone}a map by name, or a list in the order of the chain: {', '.join(chain)}"
         )
-    return dict(zip(chain, given, strict=True))
+    return dict(zip(chain, user_value, strict=True))

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
-from tubeplanner.checks import are_numbers, given_row, in_figures, is_number
+from tubeplanner.checks import are_numbers, checked_row, in_figures, is_number
 from tubeplanner.errors import RobotError, shown, unknown_name
 from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
 from tubeplanner.robot.urdf import (
@@ -225,7 +225,7 @@ def planning_group(
         raise RobotError(f"{description.path}: {message}")
     chain = description.chain(tool_frame)
     movers = leaders(description, chain)
-    group = list(movers) if joints is None else given_row("robot.joints", joints, "names")
+    group = list(movers) if joints is None else checked_row("robot.joints", joints, "names")
     for name in group:
         if not isinstance(name, str) or name not in description.movable():
             message = unknown_name("movable joint", name, description.movable())

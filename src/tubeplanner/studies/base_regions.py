@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.checks import given_row, is_number
+from tubeplanner.checks import checked_row, is_number
 from tubeplanner.errors import OptionError, ProblemError, shown
 from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.first_guess.pose_configurations import ends_segment, is_free, spread_seeds
@@ -84,7 +84,7 @@ class Region:
             OptionError: The bounds are not four or six finite numbers, the smaller of each pair
                 first.
         """
-        values = given_row("region", bounds, "four or six numbers")
+        values = checked_row("region", bounds, "four or six numbers")
         if len(values) not in (4, 6) or not all(is_number(v) and isfinite(v) for v in values):
             raise OptionError(
                 f"region is {shown(values)}; give X0, X1, Y0, Y1 and, if the height may vary, Z0, "

@@ -161,7 +161,7 @@ class Question:
         return cls(spec, fields, robot_of(fields, spec.folder))
 
     @cached_property
-    def given_tube(self) -> Mapping[str, Any]:
+    def tube_fields(self) -> Mapping[str, Any]:
         """Points, radius and orientations, from the problem file or its file of points."""
         assert self.fields.tube is not None
         return points_of(self.fields.tube, self.spec.folder)
@@ -169,7 +169,7 @@ class Question:
     @cached_property
     def points(self) -> FloatArray:
         """The reference points, shape (m + 1, 3) [m]."""
-        return np.array(self.given_tube["points"], dtype=float)
+        return np.array(self.tube_fields["points"], dtype=float)
 
     @property
     def has_point_file(self) -> bool:

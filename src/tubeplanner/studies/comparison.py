@@ -10,7 +10,7 @@ import numpy as np
 from tubeplanner.certificate.judged_motion import JudgedCondition
 from tubeplanner.certificate.refusal import refusal
 from tubeplanner.certificate.verification import Certificate
-from tubeplanner.checks import given_options, given_row
+from tubeplanner.checks import checked_options, checked_row
 from tubeplanner.errors import OptionError, TubePlannerError, unknown_name
 from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
 from tubeplanner.limits.path_samples import PathSamples
@@ -245,10 +245,10 @@ def compare(
         KeyboardInterrupt: Ctrl-C before the first method was done.
     """
     PlanningProblem.require(problem)
-    options = given_options(options, PlanOptions).shortest
+    options = checked_options(options, PlanOptions).shortest
     require_callback(progress)
     names = [*METHODS, *BASELINES]
-    requested = names if methods is None else given_row("methods", methods, "names")
+    requested = names if methods is None else checked_row("methods", methods, "names")
     for name in requested:
         if not isinstance(name, str) or name not in names:
             raise OptionError(unknown_name("method", name, names))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.checks import given_options, require_between, require_executor
+from tubeplanner.checks import checked_options, require_between, require_executor
 from tubeplanner.errors import FormerName, ProblemError
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.outcome import (
@@ -102,7 +102,7 @@ def _drawn(question: Question) -> PlanningProblem | None:
             with suppress(ProblemError):  # it names an unknown joint
                 q = configuration_of(robot, "start", joints)
     with suppress(ProblemError):
-        values: dict[str, Any] = {**fields.tube.model_dump(), **question.given_tube}
+        values: dict[str, Any] = {**fields.tube.model_dump(), **question.tube_fields}
         for names in _LEFT_OUT:
             for name in names:
                 values.pop(name, None)
@@ -244,7 +244,7 @@ def explain(
         OptionError: An option is outside its range.
         KeyboardInterrupt: Ctrl-C before the plan of the problem itself had an answer.
     """
-    options = replace(given_options(options, PlanOptions), time_limit=time_limit)
+    options = replace(checked_options(options, PlanOptions), time_limit=time_limit)
     require_between(options, 0, None, "time_limit", unit="s")
     require_executor(executor)
     first = replace(options, time_limit=_FIRST_PLAN * time_limit)

@@ -64,7 +64,7 @@ def radius_changes(question: Question, sign: int) -> Iterator[Change]:
 
     Several radii are widened by a common factor as well.
     """
-    radii = question.per_segment(question.given_tube["radius"])
+    radii = question.per_segment(question.tube_fields["radius"])
 
     def changed(segment: int, before: float, size: float) -> Proposal:
         after = exact(before + sign * size)
@@ -108,7 +108,7 @@ def _new_radii(question: Question, radii: Sequence[float | None]) -> dict[str, A
 
 def _from_file(question: Question) -> dict[str, Any]:
     """Return the values by field path that stand in a tube's file of points."""
-    return {f"tube.{key}": _plain(value) for key, value in question.given_tube.items()}
+    return {f"tube.{key}": _plain(value) for key, value in question.tube_fields.items()}
 
 
 def _plain(value: Any) -> Any:

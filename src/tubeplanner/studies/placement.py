@@ -12,7 +12,13 @@ from math import inf
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from tubeplanner.checks import given_options, given_path, given_row, require_count, require_executor
+from tubeplanner.checks import (
+    checked_options,
+    checked_path,
+    checked_row,
+    require_count,
+    require_executor,
+)
 from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.outcome import StoppedBy, require_callback
 from tubeplanner.planning.options import PlanOptions
@@ -109,11 +115,11 @@ def place(
         OutputError: The journal cannot be used.
         KeyboardInterrupt: Ctrl-C before the first base pose was tried.
     """
-    options, report = given_options(options, PlaceOptions), progress or (lambda what: None)
+    options, report = checked_options(options, PlaceOptions), progress or (lambda what: None)
     require_callback(report)
     require_executor(executor)
-    path = None if journal is None else given_path("journal", journal)
-    stands_on = None if stands_on is None else given_row("stands_on", stands_on, "names")
+    path = None if journal is None else checked_path("journal", journal)
+    stands_on = None if stands_on is None else checked_row("stands_on", stands_on, "names")
     report("loading robot and collision geometry")
     movable = MovableProblem.of(ProblemSpec.read(problem).changed(changes))
     bounds = Region.of(region, movable.given.z)

@@ -12,7 +12,7 @@ from queue import Empty, SimpleQueue
 from time import monotonic, perf_counter
 from typing import Any, Generic, TypeAlias, TypeVar
 
-from tubeplanner.checks import given_options, require_executor
+from tubeplanner.checks import checked_options, require_executor
 from tubeplanner.errors import OptionError, TubePlannerError, shown
 from tubeplanner.geometry.collision_checker import CollisionScene
 from tubeplanner.outcome import (
@@ -99,7 +99,7 @@ def plan_many(
             broke.
         KeyboardInterrupt: Ctrl-C; processes of this machine are ended.
     """
-    options = given_options(options, PlanOptions)
+    options = checked_options(options, PlanOptions)
     require_executor(executor)
     if not isinstance(problems, Iterable) or isinstance(problems, str | Path):
         raise OptionError(f"problems are {shown(problems)}; give a list or a generator of them")

@@ -15,7 +15,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import tubeplanner
-from tubeplanner.checks import given_path
+from tubeplanner.checks import checked_path
 from tubeplanner.errors import TubePlannerError
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.resources import (
@@ -193,7 +193,7 @@ class ProblemSpec:
         Raises:
             ProblemError: A file cannot be read, or files include each other in a circle.
         """
-        path = find_problem(problem, given_path("directory", directory)).resolve()
+        path = find_problem(problem, checked_path("directory", directory)).resolve()
         return cls(ProblemLayers.read(path).merged, path.parent, f"{path.parent.name}/{path.stem}")
 
     def changed(self, changes: Mapping[str, Any] | None) -> "ProblemSpec":

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
-from tubeplanner.checks import given_path, is_number
+from tubeplanner.checks import checked_path, is_number
 from tubeplanner.errors import OptionError, ProblemError, unknown_name
 from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
 from tubeplanner.planning.options import PlanOptions
@@ -175,7 +175,7 @@ def load_study(name: str | Path, directory: str | Path = ".") -> Study:
         ProblemError: A file cannot be read or contradicts its format, or a field path leads
             nowhere. Values that make a problem invalid do not raise: the reason is in their rows.
     """
-    path = find_problem(name, given_path("directory", directory))
+    path = find_problem(name, checked_path("directory", directory))
     document = read_document(path, "study file")
     require_study(document, str(path))
     fields = check_study_fields(document, str(path)).study

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tubeplanner.checks import given_path, require_executor
+from tubeplanner.checks import checked_path, require_executor
 from tubeplanner.errors import OptionError, ProblemError, TubePlannerError
 from tubeplanner.outcome import Location, PlanStatus, StoppedBy, require_callback
 from tubeplanner.planning.options import PlanOptions
@@ -260,7 +260,7 @@ def run_study(
     Study.require(study)
     require_callback(progress)
     require_executor(executor)
-    path = None if journal is None else given_path("journal", journal)
+    path = None if journal is None else checked_path("journal", journal)
     with ExitStack() as stack:
         answers = None if path is None else stack.enter_context(Journal(path))
         run = _Run(study, answers, progress or (lambda what: None))

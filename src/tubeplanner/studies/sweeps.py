@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tubeplanner.checks import given_options, given_row, in_figures, is_finite, is_number
+from tubeplanner.checks import checked_options, checked_row, in_figures, is_finite, is_number
 from tubeplanner.errors import OptionError, ProblemError, RobotError
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.geometry.tube.tube import Tube
@@ -175,14 +175,16 @@ def sweep(
         remedy = "sweep over factors (scales, --radius-scale), which scale its width and height"
         problem.tube.require_discs("a sweep over radii", remedy)
     quantity, requested = ("radius", radii) if scales is None else ("radius_scale", scales)
-    values = given_row(quantity, requested, "numbers")
+    values = checked_row(quantity, requested, "numbers")
     if not values:
         raise OptionError(f"{quantity}: give at least one number")
     for value in values:
         if not is_number(value) or not is_finite(value) or value <= 0:
             raise OptionError(f"{quantity} is {in_figures(value)}; it must be > 0 and finite")
     values = sorted({float(value) for value in values})
-    work = partial(_tolerance_row, problem, quantity, given_options(options, PlanOptions).shortest)
+    work = partial(
+        _tolerance_row, problem, quantity, checked_options(options, PlanOptions).shortest
+    )
     label = f"tolerance {{}} of {len(values)}".format
     rows, stopped_by = swept_rows(work, values, label, executor, progress)
     for number, row in enumerate(rows):
@@ -385,12 +387,12 @@ def sweep_field(
     require_path(path)
     changes = {} if changes is None else changes
     require_changes(changes)
-    options = given_options(options, PlanOptions)
+    options = checked_options(options, PlanOptions)
     if not is_of_objective(path):
         options = options.shortest
     elif options.slack is not None:
         raise OptionError(f"{path} is varied and slack is given; leave out one of them")
-    values = given_row("values", values, f"what {path} is to be")
+    values = checked_row("values", values, f"what {path} is to be")
     if len(values) == 0:
         raise OptionError(f"{path}: give at least one value")
     if path in changes:

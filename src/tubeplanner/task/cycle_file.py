@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag
 
-from tubeplanner.checks import given_path
+from tubeplanner.checks import checked_path
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.model import RobotModel
@@ -197,7 +197,7 @@ def load_cycle(
         ProblemError: The file contradicts its format, itself or its robot.
         RobotError: The robot cannot be planned with.
     """
-    path = find_problem(name, given_path("directory", directory))
+    path = find_problem(name, checked_path("directory", directory))
     label = f"{path.resolve().parent.name}/{path.stem}"
     return _build(ProblemLayers.read(path), changes, path.parent, label)
 
@@ -221,7 +221,7 @@ def parse_cycle(
         ProblemError: As `load_cycle`.
         RobotError: As `load_cycle`.
     """
-    folder = given_path("directory", directory)
+    folder = checked_path("directory", directory)
     return _build(ProblemLayers.of(data, folder, name), changes, folder, name)
 
 
@@ -381,4 +381,4 @@ def is_cycle_file(name: str | Path, directory: str | Path = ".") -> bool:
     Raises:
         ProblemError: The file does not exist, or cannot be read.
     """
-    return is_cycle(read_document(find_problem(name, given_path("directory", directory))))
+    return is_cycle(read_document(find_problem(name, checked_path("directory", directory))))

@@ -61,18 +61,18 @@ class Contact:
         object.__setattr__(self, "ends", ends)
 
 
-def pair_distances(given: Mapping[Names, float]) -> Mapping[Names, float]:
+def pair_distances(value: Mapping[Names, float]) -> Mapping[Names, float]:
     """Return clearances [m] by pairs of names, checked.
 
     Raises:
         ProblemError: A number is negative or too large, or a key is no pair of names.
     """
-    if not isinstance(given, Mapping):
+    if not isinstance(value, Mapping):
         raise ProblemError(
-            f"clearance.pairs is {shown(given)}; give a map from pairs of names to distances [m]"
+            f"clearance.pairs is {shown(value)}; give a map from pairs of names to distances [m]"
         )
     distances = {}
-    for links, clearance in given.items():
+    for links, clearance in value.items():
         names = _names("clearance.pairs", links)
         if not is_number(clearance) or not 0 <= clearance <= MAX_SIZE:
             raise ProblemError(
@@ -106,13 +106,13 @@ def require_checked(checker: CollisionChecker, field: str, pairs: Iterable[Names
             )
 
 
-def _names(field: str, given: object) -> Names:
-    if isinstance(given, list | tuple) and len(given) == 2:
-        first, second = given
+def _names(field: str, value: object) -> Names:
+    if isinstance(value, list | tuple) and len(value) == 2:
+        first, second = value
         if isinstance(first, str) and isinstance(second, str) and first != second:
             return first, second
     raise ProblemError(
-        f"{field}: {shown(given)} is no pair of names of different links or obstacles"
+        f"{field}: {shown(value)} is no pair of names of different links or obstacles"
     )
 
 

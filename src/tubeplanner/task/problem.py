@@ -272,24 +272,24 @@ class PlanningProblem:
         object.__setattr__(self, name, value)
 
     def _checked_end(
-        self, end: str, given: FloatArray | Seed | ToolPose, segment: int
+        self, end: str, value: FloatArray | Seed | ToolPose, segment: int
     ) -> FloatArray | Seed | ToolPose:
         """Return start or goal in group order; raise unless inside limits and tube."""
-        if isinstance(given, ToolPose):
-            seed = None if given.seed is None else self._checked_seed(end, given.seed)
+        if isinstance(value, ToolPose):
+            seed = None if value.seed is None else self._checked_seed(end, value.seed)
             self._end_checks.require_tool_inside(
-                end, given.rotation[None], given.position[None], segment
+                end, value.rotation[None], value.position[None], segment
             )
-            return replace(given, seed=seed)
-        if isinstance(given, Seed):
-            return Seed(self._checked_seed(end, given.joints))
-        q = configuration_of(self.robot, end, given)
+            return replace(value, seed=seed)
+        if isinstance(value, Seed):
+            return Seed(self._checked_seed(end, value.joints))
+        q = configuration_of(self.robot, end, value)
         self._end_checks.require_inside(end, q, segment)
         return q
 
-    def _checked_seed(self, end: str, given: FloatArray) -> FloatArray:
+    def _checked_seed(self, end: str, value: FloatArray) -> FloatArray:
         """Return a seed in group order; raise unless inside limits."""
-        seed = configuration_of(self.robot, f"{end}.seed", given)
+        seed = configuration_of(self.robot, f"{end}.seed", value)
         self._end_checks.require_within_limits(f"{end}.seed", seed)
         return seed
 
@@ -356,22 +356,22 @@ def require_parts(holder: object, *names: str, label: str = "") -> None:
             raise ProblemError(f"{label}{name} is {shown(value)}; give {remedy}")
 
 
-def given_members(group: str, given: object, label: str = "") -> tuple[Any, ...]:
+def given_members(group: str, value: object, label: str = "") -> tuple[Any, ...]:
     """Return a group of solids, contacts or pairs of names as a tuple; a single member alone too.
 
     Args:
         group: Name of the attribute of a `PlanningProblem`.
-        given: The group, or a single member.
+        value: The group, or a single member.
         label: Begin of the message.
 
     Raises:
         ProblemError: A member is of another kind.
     """
     kind, remedy = _MEMBERS[group]
-    members: tuple[Any, ...] = (given,)
+    members: tuple[Any, ...] = (value,)
     # An array without dimensions is an Iterable, but cannot be iterated.
-    if isinstance(given, Iterable) and getattr(given, "ndim", 1) > 0:
-        members = tuple(given)
+    if isinstance(value, Iterable) and getattr(value, "ndim", 1) > 0:
+        members = tuple(value)
     for k, member in enumerate(members):
         is_valid = isinstance(member, kind)
         if is_valid and group == "ignore_collisions":

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.checks import given_path
+from tubeplanner.checks import checked_path
 from tubeplanner.errors import ProblemError, RobotError, TrajectoryError
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, placement_of
 from tubeplanner.geometry.tube.tube import Tube
@@ -76,7 +76,7 @@ def load_problem(
         ProblemError: The file contradicts its format, itself or its robot.
         RobotError: The robot cannot be planned with.
     """
-    path = find_problem(name, given_path("directory", directory))
+    path = find_problem(name, checked_path("directory", directory))
     label = f"{path.resolve().parent.name}/{path.stem}"
     fields = read_problem_fields(path, changes)
     needs_tube = fields.tube is not None if reads_tube is None else reads_tube
@@ -106,7 +106,7 @@ def parse_problem(
         RobotError: As `load_problem`.
     """
     tube_of = None if reads_tube else _tube_anywhere
-    folder = given_path("directory", directory)
+    folder = checked_path("directory", directory)
     layers = ProblemLayers.of(data, folder, name)
     return build_problem(checked_layers(layers, changes), folder, name, name, tube_of)
 
@@ -281,13 +281,13 @@ def _tube_anywhere(
     return Tube.anywhere(start, _tool_at("goal", goal, robot))
 
 
-def _tool_at(end: str, given: Any, robot: RobotModel) -> FloatArray:
+def _tool_at(end: str, value: Any, robot: RobotModel) -> FloatArray:
     """Return the tool's position (3,) [m] at a start or goal that is a configuration or a pose."""
-    if isinstance(given, Seed):
+    if isinstance(value, Seed):
         raise ProblemError(f"{end}.joints is required: a seed belongs to the first point of a tube")
-    if isinstance(given, ToolPose):
-        return given.position
-    return robot.tool_position(configuration_of(robot, end, given)[None])[0]
+    if isinstance(value, ToolPose):
+        return value.position
+    return robot.tool_position(configuration_of(robot, end, value)[None])[0]
 
 
 # ---- Start and goal.
@@ -298,7 +298,7 @@ _OTHERS = ("joints", "seed", "position")
 
 def end_of(
     end: str,
-    given: EndpointFields | None,
+    value: EndpointFields | None,
     fields: ProblemFields,
     robot: RobotModel,
     directory: Path,
@@ -307,7 +307,7 @@ def end_of(
 
     Args:
         end: Name of the end: start or goal.
-        given: Fields of the end.
+        value: Fields of the end.
         fields: Fields of the problem file.
         robot: The arm.
         directory: Where its relative paths start.
@@ -316,26 +316,26 @@ def end_of(
         ProblemError: The fields have several ends or none, or name a state or file that does not
             exist.
     """
-    if given is None:
+    if value is None:
         return None
-    if given.position is None and (given.tolerance or given.rotation_tolerance is not None):
-        key = "tolerance" if given.tolerance else "rotation_tolerance"
+    if value.position is None and (value.tolerance or value.rotation_tolerance is not None):
+        key = "tolerance" if value.tolerance else "rotation_tolerance"
         raise ProblemError(f"{end}.{key} is for goal.position, which is not given; leave it out")
-    named = named_endpoint(end, given, robot, directory)
+    named = named_endpoint(end, value, robot, directory)
     if named is not None:
         return named
-    keys = [key for key in ("joints", "seed") if getattr(given, key) is not None]
-    if given.position is not None and (end == "start" or "joints" in keys):
+    keys = [key for key in ("joints", "seed") if getattr(value, key) is not None]
+    if value.position is not None and (end == "start" or "joints" in keys):
         reason = "start takes joints" if end == "start" else "it is the one of goal.joints"
         raise ProblemError(f"{end}.position is not to be given: {reason}")
-    if given.position is not None and not keys:
-        return GoalRegion(np.array(given.position), given.tolerance, given.rotation_tolerance)
+    if value.position is not None and not keys:
+        return GoalRegion(np.array(value.position), value.tolerance, value.rotation_tolerance)
     if len(keys) != 1:
         raise ProblemError(
             f"{end} takes either joints or seed (or pose, group_state, trajectory); it has "
             f"{'both' if keys else 'neither'}"
         )
-    return _values(given.joints) if given.joints is not None else Seed(_values(given.seed))
+    return _values(value.joints) if value.joints is not None else Seed(_values(value.seed))
 
 
 def named_endpoint(

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
-from tubeplanner.checks import given_path
+from tubeplanner.checks import checked_path
 from tubeplanner.documents import DocumentError, read_text
 from tubeplanner.errors import ProblemError, RobotError, shown, unknown_name
 from tubeplanner.resources import bundled_presets, find_preset
@@ -49,7 +49,7 @@ class _PresetFields(Section):
     sources: dict[str, str] = Field(description="by field, such as limits.velocity: where from")
 
     @property
-    def given(self) -> list[str]:
+    def value(self) -> list[str]:
         """Paths of the fields with values: "limits.velocity"."""
         sections = {"limits": self.limits, "motors": self.motors, "robustness": self.robustness}
         return [
@@ -108,7 +108,7 @@ def _preset(name: str | Path, directory: str | Path) -> tuple[str, _PresetFields
     Raises:
         RobotError: As `read_preset`.
     """
-    path = find_preset(name, given_path("directory", directory))
+    path = find_preset(name, checked_path("directory", directory))
     label = f"preset {name}"
     try:
         data = read_document(path, "file")
@@ -125,7 +125,7 @@ def _preset(name: str | Path, directory: str | Path) -> tuple[str, _PresetFields
         raise RobotError(f"{label}: {first_fault(data, error, _PresetFields)}") from None
     if fields.limits.scale:
         raise RobotError(f"{label}: limits.scale belongs into robot.limits of a problem")
-    names = fields.given
+    names = fields.value
     if not names:
         raise RobotError(f"{label}: limits, motors or robustness is required")
     of_arm = [name for name in names if not name.startswith("robustness.")]
@@ -217,7 +217,7 @@ def read_limits_file(path: str | Path) -> LimitLayer:
     Raises:
         RobotError: The file cannot be read or is malformed.
     """
-    path = given_path("path", path)
+    path = checked_path("path", path)
     try:
         data = read_document(path, "file of limits")
     except ProblemError as error:

@@ -146,7 +146,7 @@ def test_signs_that_hold_everywhere_are_kept(two_link):
 @pytest.mark.dear("searches, plans and measures three routes through a gap")
 def test_the_tube_of_a_route_is_planned_and_a_measured_one_offered_beside_it(gap, answered):
     answer, told = answered
-    found, measured = answer.found, answer.measured
+    found, measured = answer.answer, answer.measured
     assert answer.succeeded
     np.testing.assert_allclose(found.problem.goal, gap.goal)
     assert 2 <= len(answer.compared) <= 3
@@ -177,7 +177,7 @@ def test_both_tubes_go_to_files_that_plan(run, monkeypatch, tmp_path, answered):
     assert status == 0 and asked == [QUICK]
     assert "measured tube, in which nothing collides: " in out
     # The answer is smooth; tubes are compared by their shortest motions.
-    cases = ((answer.found, PlanOptions()), (answer.measured, SHORTEST))
+    cases = ((answer.answer, PlanOptions()), (answer.measured, SHORTEST))
     for path, (tube, options) in zip(files, cases, strict=True):
         assert str(path) in out
         assert plan(load_problem(path), options).duration == pytest.approx(tube.duration, rel=1e-6)
@@ -196,7 +196,7 @@ def test_what_is_certified_is_the_answer_when_time_passes_or_it_is_interrupted(l
     interrupted = stopped("step 2 of 4, route 2 of 3", KeyboardInterrupt())
     for answer, name, step in ((late, "time_limit", 4), (interrupted, "interrupt", 2)):
         assert answer.succeeded and answer.stopped_by == name
-        assert answer.found.duration == pytest.approx(min(answer.compared), rel=0.02)
+        assert answer.answer.duration == pytest.approx(min(answer.compared), rel=0.02)
         assert answer.measured is None
         assert answer.as_dict()["stopped_by"] == name and answer.as_dict()["measured"] is None
         assert (
@@ -218,7 +218,7 @@ def test_a_file_for_a_measured_tube_that_is_not_there_is_told(run, monkeypatch, 
 def test_ended_before_anything_is_certified_there_is_none():
     answer = stopped("step 2 of 4, route 1 of 3", TimeLimitReached())
     assert answer.status == "time_limit" and answer.stopped_by == "time_limit"
-    assert answer.found is None
+    assert answer.answer is None
     with pytest.raises(KeyboardInterrupt):
         stopped("step 1 of 4", KeyboardInterrupt())
 

@@ -86,13 +86,13 @@ class DistinctPoints:
 
 
 def distinct_points(
-    points: FloatArray, asked: Sequence[object], angles: FloatArray | None
+    points: FloatArray, values: Sequence[object], angles: FloatArray | None
 ) -> DistinctPoints:
     """Return the points that are apart from their predecessors.
 
     Args:
         points: Reference points, shape (m+1, 3) [m].
-        asked: Conditions of each of m segments, to be compared.
+        values: Conditions of each of m segments, to be compared.
         angles: Rotation of the reference orientation in each segment, shape (m,) [rad]; None: it is
             free.
 
@@ -116,7 +116,7 @@ def distinct_points(
         after = int(np.searchsorted(segments, lost))
         beside = [int(segments[i]) for i in (after - 1, after) if 0 <= i < len(segments)]
         same = f"tube.points: points {lost} and {k} are the same within {MIN_LENGTH:g} m"
-        if all(asked[lost] != asked[i] for i in beside):
+        if all(values[lost] != values[i] for i in beside):
             neighbours = " and ".join(str(i) for i in beside)
             raise ProblemError(
                 f"{same}; segment {lost} between them would be left out, but its radius, joint "

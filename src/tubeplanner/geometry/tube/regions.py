@@ -209,11 +209,11 @@ _KINDS = ("width", "height")
 _KEYS = {"box", "up"}
 
 
-def box_sections(given: Any, axis: FloatArray) -> FloatArray | None:
+def box_sections(value: Any, axis: FloatArray) -> FloatArray | None:
     """Return the sizes of boxes, by segment: width and height [m], and the upward unit vector.
 
     Args:
-        given: {"box": [w, h], "up": [x, y, z]} for all segments, or one each, None for a disc.
+        value: {"box": [w, h], "up": [x, y, z]} for all segments, or one each, None for a disc.
         axis: From the begin of every segment to its end, shape (m, 3) [m].
 
     Returns:
@@ -222,13 +222,13 @@ def box_sections(given: Any, axis: FloatArray) -> FloatArray | None:
     Raises:
         ProblemError: A count, a key or a number is wrong, or up is parallel to the segment.
     """
-    if given is None or (isinstance(given, np.ndarray) and not given.any()):
+    if value is None or (isinstance(value, np.ndarray) and not value.any()):
         return None
-    is_one = isinstance(given, Mapping)
-    entries = [given] * len(axis) if is_one else given
+    is_one = isinstance(value, Mapping)
+    entries = [value] * len(axis) if is_one else value
     if not isinstance(entries, Sequence | np.ndarray) or len(entries) != len(axis):
         raise ProblemError(
-            f"tube.cross_section is {shown(given)}; give one map with box and up, or {len(axis)}, "
+            f"tube.cross_section is {shown(value)}; give one map with box and up, or {len(axis)}, "
             "one for each segment, null for a disc"
         )
     rows = np.zeros((len(axis), 5))

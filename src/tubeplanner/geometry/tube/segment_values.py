@@ -34,20 +34,20 @@ TOOL_SPEED = SegmentNumber("tube.tool_speed", 1e-6, 1e4, "m/s", "where the tool'
 CLEARANCE = SegmentNumber("clearance.segments", 0.0, 1e4, "m", "for the clearance of all others")
 
 
-def segment_values(given: Any, segments: int, what: SegmentNumber) -> FloatArray | None:
+def segment_values(user_value: Any, segments: int, what: SegmentNumber) -> FloatArray | None:
     """Return a number of every segment, shape (m,), infinite for none; None if all have none.
 
     Args:
-        given: A number for all segments, or a number each; None or infinite for none.
+        user_value: A number for all segments, or a number each; None or infinite for none.
         segments: Number m of segments.
         what: The kind of number.
 
     Raises:
         ProblemError: A count or a number is wrong.
     """
-    if given is None:
+    if user_value is None:
         return None
-    values = given.tolist() if isinstance(given, np.ndarray) else given
+    values = user_value.tolist() if isinstance(user_value, np.ndarray) else user_value
     is_list = isinstance(values, Sequence) and not isinstance(values, str)
     entries: list[Any] = list(values) if is_list else [values] * segments
     if len(entries) != segments:

@@ -208,14 +208,14 @@ class Cell:
 
     Attributes:
         fields: The problem file's own fields, without tube, start and goal.
-        known: The fields with included files, without tube, start and goal.
+        known_keys: The fields with included files, without tube, start and goal.
         replaced: Tube, start and goal of the problem file, included files counted.
         folder: Base of relative paths.
         source: Name in messages.
     """
 
     fields: Any
-    known: Any
+    known_keys: Any
     replaced: Mapping[str, Any]
     folder: Path
     source: str
@@ -273,7 +273,7 @@ def taught_problem(
         TrajectoryError: The trail cannot be read, or is not of this robot.
     """
     ends: dict[str, Any] = {"start": {"joints": []}, "goal": {"joints": []}}
-    robot = robot_of(check_problem_fields({**cell.known, **ends}, cell.source), cell.folder)
+    robot = robot_of(check_problem_fields({**cell.known_keys, **ends}, cell.source), cell.folder)
     read = read_trajectory_file(path, robot.joint_names)
     trajectory = read.trajectory
     if read.interpolation is None:
@@ -285,36 +285,42 @@ def taught_problem(
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from None
     ends = {"start": {"joints": trail[0].tolist()}, "goal": {"joints": trail[-1].tolist()}}
-    problem = parse_problem({**cell.known, **ends}, cell.folder, path.stem, reads_tube=False)
+    problem = parse_problem({**cell.known_keys, **ends}, cell.folder, path.stem, reads_tube=False)
     fields = cell.replaced.get("tube", {})
-    kept = {key: value for key in _KEPT if (value := _of_all_segments(fields, key)) is not None}
+    fields_kept = {
+        key: value for key in _KEPT if (value := _of_all_segments(fields, key)) is not None
+    }
     notes = [
         f"kept of the problem's tube: {key} {value}"
         + ", about the trail's orientations" * (key == "rotation_tolerance")
-        for key, value in kept.items()
+        for key, value in fields_kept.items()
     ]
-    has_rotation = "rotation_tolerance" in kept
-    known = (*kept, *["orientations"] * has_rotation)
-    notes += notes_on_dropped(cell.replaced, known, "reference points and ends are the trail's")
+    has_rotation = "rotation_tolerance" in fields_kept
+    known_keys = (*fields_kept, *["orientations"] * has_rotation)
+    notes += notes_on_dropped(
+        cell.replaced, known_keys, "reference points and ends are the trail's"
+    )
     if has_rotation:
-        kept["orientations"] = quaternion_of_matrix(robot.tool_pose(trail[[0, -1]])[0])
-    problem = problem.with_tube(replace(problem.tube, **kept))
+        fields_kept["orientations"] = quaternion_of_matrix(robot.tool_pose(trail[[0, -1]])[0])
+    problem = problem.with_tube(replace(problem.tube, **fields_kept))
     return problem, trail, trajectory.duration, (*read.remarks, *notes)
 
 
-def notes_on_dropped(replaced: Mapping[str, Any], kept: Sequence[str], reason: str) -> list[str]:
+def notes_on_dropped(
+    replaced: Mapping[str, Any], fields_kept: Sequence[str], reason: str
+) -> list[str]:
     """Return a note on the fields of a replaced tube, start and goal that are not kept, if any.
 
     Args:
         replaced: The fields of each, by its name.
-        kept: Names of fields of the tube that the new tube has.
+        fields_kept: Names of fields of the tube that the new tube has.
         reason: The reason, a clause.
     """
     dropped = [
         f"{part}.{key}"
         for part, values in replaced.items()
         for key, value in values.items()
-        if value and key not in ((*kept, *_NEW) if part == "tube" else _JOINTS)
+        if value and key not in ((*fields_kept, *_NEW) if part == "tube" else _JOINTS)
     ]
     return [f"not kept of the problem: {', '.join(dropped)}; {reason}"] * bool(dropped)
 

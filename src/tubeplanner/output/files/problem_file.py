@@ -294,7 +294,7 @@ def _yaml() -> YAML:
     return yaml
 
 
-def change_own(own: Any, merged: Any, wanted: Any) -> None:
+def change_own(own: Any, merged: Any, target: Any) -> None:
     """Change a file's own fields to give target values with included files.
 
     Comments stay; fields that need no change are untouched.
@@ -302,9 +302,9 @@ def change_own(own: Any, merged: Any, wanted: Any) -> None:
     Args:
         own: The file's fields; they are changed.
         merged: Its fields with included files.
-        wanted: Target of the merged fields: the same with other values, no key left out.
+        target: Target of the merged fields: the same with other values, no key left out.
     """
-    for key, value in wanted.items():
+    for key, value in target.items():
         old = merged.get(key)
         if value == old:
             continue
@@ -316,10 +316,10 @@ def change_own(own: Any, merged: Any, wanted: Any) -> None:
             own[key] = value
 
 
-def _change_items(own: Any, merged: Any, wanted: Any) -> None:
+def _change_items(own: Any, merged: Any, target: Any) -> None:
     """Change a list of named items to give target items with included files."""
     indices = {item["name"]: k for k, item in enumerate(own)}
-    for old, value in zip(merged, wanted, strict=True):
+    for old, value in zip(merged, target, strict=True):
         if value == old:
             continue
         name = old["name"]

@@ -25,56 +25,59 @@ from tubeplanner.task.problem import PlanningProblem
 # ---- The page: blockage and remedies, or slack.
 
 
-def view_explanation(found: Explanation) -> View:
+def view_explanation(explanation: Explanation) -> View:
     """Return the view of an explanation.
 
     Without an answer the arm is where it is blocked, the blocking solids have a colour of their
     own, and the place is marked; with an answer, the arm follows the motion.
 
     Args:
-        found: The explanation.
+        explanation: The explanation.
 
     Raises:
         OptionError: The tube contradicts itself and cannot be drawn.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
-    problem, result = found.drawn, found.result
+    problem, result = explanation.drawn, explanation.result
     if problem is None:
         raise OptionError(
-            f"{found.name} cannot be drawn, as its tube contradicts itself; apply a change that "
-            "helps and explain it again"
+            f"{explanation.name} cannot be drawn, as its tube contradicts itself; apply a change "
+            "that helps and explain it again"
         )
     motion = None if result is None else result.trajectory
     motions = {} if motion is None else {"shortest motion": motion}
-    scene = build_scene(problem, motions, at_rest=blocked_arm(problem, found))
-    contact = contact_point(problem, found.location, found.configuration)
-    items = with_blocked(scene.items, problem, found.location, contact, scene.thickness)
+    scene = build_scene(problem, motions, at_rest=blocked_arm(problem, explanation))
+    contact = contact_point(problem, explanation.location, explanation.configuration)
+    items = with_blocked(scene.items, problem, explanation.location, contact, scene.thickness)
     scene = replace(scene, items=items)
-    panel = {**panel_data(scene), "findings": _findings(found)}
+    panel = {**panel_data(scene), "findings": _findings(explanation)}
     if motion is None or result is None or result.certificate is None:
         return View(scene, panel)
     judged = [result.certificate], result.sensitivities
     return View(scene, with_verdict(panel, problem.robot, [motion], *judged))
 
 
-def _findings(found: Explanation) -> dict[str, Any]:
+def _findings(explanation: Explanation) -> dict[str, Any]:
     """Return the findings of the panel, as JSON values."""
-    if found.is_possible:
+    if explanation.is_possible:
         title, lines = (
             "How much worse one of these may become",
-            list(map(_headroom, found.headrooms)),
+            list(map(_headroom, explanation.headrooms)),
         )
-    elif found.remedies:
-        title, lines = "Any one of these makes it possible", list(map(_remedy, found.remedies))
+    elif explanation.remedies:
+        title, lines = (
+            "Any one of these makes it possible",
+            list(map(_remedy, explanation.remedies)),
+        )
     else:
         title, lines = "No single change was found that makes it possible", []
     more = []
-    if found.ineffective:
-        more.append(f"By itself none of these helps: {ineffective_text(found.ineffective)}")
-    if found.stopped_by is not None:
+    if explanation.ineffective:
+        more.append(f"By itself none of these helps: {ineffective_text(explanation.ineffective)}")
+    if explanation.stopped_by is not None:
         more.append("The search was ended early: there may be more")
     return {
-        "reason": f"{found.status}: {found.message}",
+        "reason": f"{explanation.status}: {explanation.message}",
         "title": title,
         "lines": lines,
         "more": more,
@@ -109,19 +112,19 @@ _THERE = 1e-3  # [m]: a tool this near is at the blocked position
 _MAX_SEEDS = 20
 
 
-def blocked_arm(problem: PlanningProblem, found: Explanation) -> ShownTrajectory | None:
+def blocked_arm(problem: PlanningProblem, explanation: Explanation) -> ShownTrajectory | None:
     """Return the arm where a problem without an answer is blocked; None if that is not known.
 
     Args:
         problem: The problem to be drawn.
-        found: Its explanation.
+        explanation: Its explanation.
     """
-    robot, q = problem.robot, found.configuration
+    robot, q = problem.robot, explanation.configuration
     if q is not None:
         return poses_standing(robot, "where it is blocked", q)
-    if found.location.position is None:
+    if explanation.location.position is None:
         return None
-    target = np.array(found.location.position)
+    target = np.array(explanation.location.position)
     q = _nearest(problem, target)
     away = float(np.linalg.norm(robot.tool_position(q[None])[0] - target))
     near = (

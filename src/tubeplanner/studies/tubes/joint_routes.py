@@ -33,7 +33,7 @@ class FreeSpace:
         checker = problem.collision
         self._robot, self._checker = problem.robot, checker
         self._pairs = checker.pairs
-        self._asked = RequiredDistances(problem, ends[0], ends[-1])
+        self._requirement = RequiredDistances(problem, ends[0], ends[-1])
         self._margin = np.zeros(len(self._pairs))
         if margin > 0:
             least = np.min([self._clearances(q) for q in ends], axis=0, initial=margin)
@@ -68,7 +68,7 @@ class FreeSpace:
         return self._checker.distances(rotation[0], position[0], self._pairs) - self._required(q)
 
     def _required(self, q: FloatArray) -> FloatArray:
-        return self._asked.anywhere(self._robot.tool_position(q[None]))[0]
+        return self._requirement.anywhere(self._robot.tool_position(q[None]))[0]
 
 
 # ---- Collision-free routes in joint space, found by OMPL.

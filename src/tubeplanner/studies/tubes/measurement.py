@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.checks import given_options
+from tubeplanner.checks import checked_options
 from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.first_guess.branches import (
     KnownBranches,
@@ -81,7 +81,7 @@ def measure_tube(
             largest radius, or a segment has a box.
     """
     PlanningProblem.require(problem)
-    options = given_options(options, MeasureOptions)
+    options = checked_options(options, MeasureOptions)
     return measured_tube(problem, options, PlanningClock(None, progress))
 
 
@@ -301,7 +301,7 @@ def survey_patterns(
         ProblemError: The problem is none, or a segment has a box.
     """
     PlanningProblem.require(problem)
-    options = given_options(options, MeasureOptions)
+    options = checked_options(options, MeasureOptions)
     require_callback(progress)
     problem.tube.require_discs("measuring, which gives radii", "leave out tube.cross_section")
     options.require_few(problem.tube.segment_count)

@@ -171,9 +171,9 @@ class TubeAnswer:
         status: Success means that the trajectory through the tube is certified.
         message: One sentence.
         location: Location of the failure, if there is no answer.
-        found: The problem with its tube, and its plan; None unless successful.
-        measured: The tube in which no collision was found, and its plan: `found`, or a slower plan;
-            None if no tube was measured.
+        answer: The problem with its tube, and its plan; None unless successful.
+        measured: The tube in which no collision was found, and its plan: `answer`, or a slower
+            plan; None if no tube was measured.
         notes: Further information.
         compared: Durations of the trajectories through tubes of the same radius, compared before
             measuring [s]; None where there was no trajectory.
@@ -185,7 +185,7 @@ class TubeAnswer:
     status: PlanStatus
     message: str
     location: Location
-    found: PlannedTube | None = None
+    answer: PlannedTube | None = None
     measured: PlannedTube | None = None
     notes: tuple[str, ...] = ()
     compared: tuple[float | None, ...] = ()
@@ -196,6 +196,7 @@ class TubeAnswer:
     __repr__ = short_repr
 
     place = FormerName("location")
+    found = FormerName("answer")
 
     @property
     def succeeded(self) -> bool:
@@ -204,7 +205,7 @@ class TubeAnswer:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields of the command line's JSON, but for loading_time."""
-        planned = {} if self.found is None else self.found.result.as_dict()
+        planned = {} if self.answer is None else self.answer.result.as_dict()
         measured = None
         if self.measured is not None:
             measured = {"duration": self.measured.duration, **_tube_fields(self.measured)}
@@ -218,7 +219,7 @@ class TubeAnswer:
             "compared_durations": list(self.compared),
             "stopped_by": self.stopped_by,
             "recorded_duration": self.recorded_duration,
-            **_tube_fields(self.found),
+            **_tube_fields(self.answer),
             "measured": measured,
         }
 

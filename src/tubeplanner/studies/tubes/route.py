@@ -7,7 +7,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.refusal import require_free
-from tubeplanner.checks import given_options, require_between, require_count
+from tubeplanner.checks import checked_options, require_between, require_count
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import configured_ends
 from tubeplanner.first_guess.inverse_kinematics import solve_position
@@ -116,7 +116,7 @@ def find_route(
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     PlanningProblem.require(problem)
-    options = given_options(options, RouteOptions)
+    options = checked_options(options, RouteOptions)
     require_callback(progress)
     if problem.endpoints[0].kind == "seed":
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")

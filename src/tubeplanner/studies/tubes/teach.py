@@ -8,7 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.certificate.refusal import require_free
-from tubeplanner.checks import given_options, require_between, require_count
+from tubeplanner.checks import checked_options, require_between, require_count
 from tubeplanner.errors import OptionError, TrajectoryError, shown
 from tubeplanner.geometry.tube.points import simplified
 from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, ProgressCallback
@@ -75,7 +75,7 @@ def teach(
             the trail becomes too many segments, or an argument is of another kind.
     """
     PlanningProblem.require(problem)
-    options, clock = given_options(options, TeachOptions), PlanningClock(None, progress)
+    options, clock = checked_options(options, TeachOptions), PlanningClock(None, progress)
     trail = trail_samples(trail, problem.robot.joint_count)
     clock.enter("corners of the trail")
     moving = moving_part(trail)
