@@ -36,16 +36,16 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 SLACK = click.option(
     "--slack",
     type=float,
-    help="Share of the shortest duration that the motion may take more; 0: the shortest.",
+    help="Allowed excess over the shortest duration, as a fraction; 0: the shortest motion.",
 )
 TOOL_FRAME = click.option(
-    "--tool-frame", help="Link that carries the tool [the end of the longest chain]."
+    "--tool-frame", help="Link of the tool [default: the end of the longest chain]."
 )
 PACKAGE_DIR = click.option(
     "--package-dir",
     "package_dirs",
     multiple=True,
-    help="Further folder that holds packages of package:// names; repeatable.",
+    help="Further folder with the packages of package:// names; repeatable.",
 )
 
 
@@ -68,7 +68,7 @@ XACRO_ARG = click.option(
     metavar="NAME=VALUE",
     multiple=True,
     callback=_arguments,
-    help="Value of an <xacro:arg> of a URDF that ends in .xacro; repeatable.",
+    help="Value of an <xacro:arg>, for a URDF that ends in .xacro; repeatable.",
 )
 
 
@@ -93,7 +93,7 @@ SET = click.option(
     metavar="FIELD.PATH=VALUE",
     multiple=True,
     callback=_changes,
-    help="Change the problem before it is checked, such as tube.radius=x0.5; repeatable.",
+    help="Change a field of the problem, such as tube.radius=x0.5; repeatable.",
 )
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
@@ -113,7 +113,7 @@ VERSION = click.option(
     expose_value=False,
     is_eager=True,
     callback=_say_version,
-    help="Print the version, whether it runs natively, and why not.",
+    help="Print the version, and `native` or `pure Python` with the reason.",
 )
 
 
@@ -123,7 +123,7 @@ def processes_option(default: str) -> Callable[[Any], Any]:
         "--processes",
         type=click.IntRange(min=1),
         metavar="N",
-        help=f"Plan in so many processes [{default}].",
+        help=f"Number of processes [default: {default}].",
     )
 
 
