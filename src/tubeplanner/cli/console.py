@@ -247,7 +247,7 @@ def say_unwritten(*options: str) -> None:
 
 
 def say_files(requested: Sequence[Path], *options: str) -> None:
-    """Print the written files, one a line; without files, the options that would write some."""
+    """Print the written files in lines; without files, print the options that write files."""
     if requested:
         paths = [path for path in requested if path not in answer_files().failures]
         say(*paths, sep="\n", end="\n" if paths else "")
@@ -271,7 +271,7 @@ def empty_report(status: str, message: str, where: dict[str, Any] | None = None)
 
 
 def print_json(fields: dict[str, Any], indent: int | None = None) -> None:
-    """Print the JSON object of a run; a file that could not be written makes it `bad_input`."""
+    """Print the JSON object of a run; an unwritten file makes the status `bad_input`."""
     files = answer_files()
     if files.failures:
         message = "; ".join(filter(None, [fields["message"], files.message]))
@@ -310,13 +310,13 @@ class AnswerFiles:
 
     @property
     def saved(self) -> str:
-        """The end of a message with what was written; empty if nothing was."""
+        """The end of a message with the written files; empty without written files."""
         listed = ", ".join(f"{kind} {path}" for path, kind in self.written.items())
         return listed and f"; saved: {listed}"
 
     @property
     def message(self) -> str:
-        """What was not written and why, and what was."""
+        """Unwritten files with the reasons, and written files."""
         return "; ".join(dict.fromkeys(self.failures.values())) + self.saved
 
     def as_dict(self) -> dict[str, Any]:
@@ -332,7 +332,7 @@ def answer_files() -> AnswerFiles:
 
 
 def write_answer(*outputs: Output, folder: Path | None = None) -> None:
-    """Make and write the requested files, one after the other; hold Ctrl-C from the first one on.
+    """Write the requested files in turn; hold Ctrl-C from the first file on.
 
     A file that cannot be made or written is a failure of the run's `AnswerFiles`, and the others
     are written nevertheless: `main` reports it. A command whose work takes long holds Ctrl-C
@@ -369,7 +369,7 @@ def internal_error(error: Exception) -> str:
 
 
 def unless_failed(path: Path | None) -> Path | None:
-    """Return the path of a requested file, None if it could not be written."""
+    """Return the path of a requested file, or None if writing failed."""
     return None if path in answer_files().failures else path
 
 
