@@ -38,11 +38,11 @@ CONTROLLERS = (*FRANKA_ARMS, _JTC)
 @click.command()
 @click.argument("problem")
 @click.argument("trajectory", type=console.INPUT)
-@click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie.")
+@click.option("--tolerance", help="Allowed negative margin, ABS[,REL].")
 @click.option(
     "--for",
     "controller",
-    help="Also what a controller enforces: fr3, fer (Franka), jtc (JointTrajectoryController).",
+    help="Also check the rules of a controller: fr3, fer, jtc (JointTrajectoryController).",
 )
 @console.SET
 @console.AS_JSON
@@ -54,7 +54,7 @@ def check(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Judge the TRAJECTORY file against PROBLEM, or against a whole cycle."""
+    """Check the TRAJECTORY file against every condition of PROBLEM or of a cycle."""
     user_tolerance = None
     if tolerance is not None:
         try:

@@ -26,13 +26,13 @@ _MANY = 999.5  # [%]: from here on three digits would be a power of ten
 
 @click.command()
 @click.argument("problem")
-@click.option("--methods", help="Such as refinement,bang-bang  [default: all].")
-@click.option("-o", "--output", type=console.PATH, help="Table (CSV or JSON, by its ending).")
-@click.option("--plot", "figure", type=console.PATH, help="Figure (PNG, PDF or SVG).")
+@click.option("--methods", help="Methods, such as refinement,bang-bang [default: all].")
+@click.option("-o", "--output", type=console.PATH, help="Write the table (CSV or JSON).")
+@click.option("--plot", "figure", type=console.PATH, help="Draw the figure (PNG, PDF or SVG).")
 @click.option(
     "--trajectories",
     type=console.FOLDER,
-    help="Folder for every trajectory (JSON), certified or not.",
+    help="Write every trajectory (JSON), certified or not, to this folder.",
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @console.SLACK
@@ -49,9 +49,9 @@ def compare(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Plan PROBLEM with every method, and with the schemes that Suh & Bishop compared with.
+    """Plan PROBLEM with every method and with the baselines of Suh & Bishop (1988).
 
-    Exit status 0 if any of them has a certified trajectory; the others say which conditions fail.
+    The table names the conditions that fail. Exit status 0 if any trajectory is certified.
     """
     options = PlanOptions(quality=quality, slack=slack)
     console.require_used(changes, slack)

@@ -36,16 +36,16 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 SLACK = click.option(
     "--slack",
     type=float,
-    help="Share of the shortest duration that the motion may take more; 0: the shortest.",
+    help="Allowed excess over the shortest duration, as a fraction; 0: the shortest motion.",
 )
 TOOL_FRAME = click.option(
-    "--tool-frame", help="Link that carries the tool [the end of the longest chain]."
+    "--tool-frame", help="Link of the tool [default: the end of the longest chain]."
 )
 PACKAGE_DIR = click.option(
     "--package-dir",
     "package_dirs",
     multiple=True,
-    help="Further folder that holds packages of package:// names; repeatable.",
+    help="Further folder with the packages of package:// names; repeatable.",
 )
 
 
@@ -68,7 +68,7 @@ XACRO_ARG = click.option(
     metavar="NAME=VALUE",
     multiple=True,
     callback=_arguments,
-    help="Value of an <xacro:arg> of a URDF that ends in .xacro; repeatable.",
+    help="Value of an <xacro:arg>, for a URDF that ends in .xacro; repeatable.",
 )
 
 
@@ -93,7 +93,7 @@ SET = click.option(
     metavar="FIELD.PATH=VALUE",
     multiple=True,
     callback=_changes,
-    help="Change the problem before it is checked, such as tube.radius=x0.5; repeatable.",
+    help="Change a field of the problem, such as tube.radius=x0.5; repeatable.",
 )
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
@@ -113,7 +113,7 @@ VERSION = click.option(
     expose_value=False,
     is_eager=True,
     callback=_say_version,
-    help="Print the version, whether it runs natively, and why not.",
+    help="Print the version, and `native` or `pure Python` with the reason.",
 )
 
 
@@ -123,7 +123,7 @@ def processes_option(default: str) -> Callable[[Any], Any]:
         "--processes",
         type=click.IntRange(min=1),
         metavar="N",
-        help=f"Plan in so many processes [{default}].",
+        help=f"Number of processes [default: {default}].",
     )
 
 
@@ -247,7 +247,7 @@ def say_unwritten(*options: str) -> None:
 
 
 def say_files(requested: Sequence[Path], *options: str) -> None:
-    """Print the written files, one a line; without files, the options that would write some."""
+    """Print the written files in lines; without files, print the options that write files."""
     if requested:
         paths = [path for path in requested if path not in answer_files().failures]
         say(*paths, sep="\n", end="\n" if paths else "")
@@ -271,7 +271,7 @@ def empty_report(status: str, message: str, where: dict[str, Any] | None = None)
 
 
 def print_json(fields: dict[str, Any], indent: int | None = None) -> None:
-    """Print the JSON object of a run; a file that could not be written makes it `bad_input`."""
+    """Print the JSON object of a run; an unwritten file makes the status `bad_input`."""
     files = answer_files()
     if files.failures:
         message = "; ".join(filter(None, [fields["message"], files.message]))
@@ -310,13 +310,13 @@ class AnswerFiles:
 
     @property
     def saved(self) -> str:
-        """The end of a message with what was written; empty if nothing was."""
+        """The end of a message with the written files; empty without written files."""
         listed = ", ".join(f"{kind} {path}" for path, kind in self.written.items())
         return listed and f"; saved: {listed}"
 
     @property
     def message(self) -> str:
-        """What was not written and why, and what was."""
+        """Unwritten files with the reasons, and written files."""
         return "; ".join(dict.fromkeys(self.failures.values())) + self.saved
 
     def as_dict(self) -> dict[str, Any]:
@@ -332,7 +332,7 @@ def answer_files() -> AnswerFiles:
 
 
 def write_answer(*outputs: Output, folder: Path | None = None) -> None:
-    """Make and write the requested files, one after the other; hold Ctrl-C from the first one on.
+    """Write the requested files in turn; hold Ctrl-C from the first file on.
 
     A file that cannot be made or written is a failure of the run's `AnswerFiles`, and the others
     are written nevertheless: `main` reports it. A command whose work takes long holds Ctrl-C
@@ -369,7 +369,7 @@ def internal_error(error: Exception) -> str:
 
 
 def unless_failed(path: Path | None) -> Path | None:
-    """Return the path of a requested file, None if it could not be written."""
+    """Return the path of a requested file, or None if writing failed."""
     return None if path in answer_files().failures else path
 
 

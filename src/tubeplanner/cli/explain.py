@@ -30,12 +30,12 @@ _SCALES = "the smallest first: the scale of a place is 0.1 m, of an angle 0.1 ra
     type=float,
     default=60.0,
     show_default=True,
-    help="End after so many seconds with what was found.",
+    help="Stop after this time [s], with the results so far.",
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @console.processes_option("one per processor")
 @click.option(
-    "--html", type=console.PATH, help="Write a page that shows what blocks and where, offline."
+    "--html", type=console.PATH, help="Write a page (HTML, offline) that shows the blocking place."
 )
 @console.SET
 @console.AS_JSON
@@ -48,12 +48,12 @@ def explain(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Say what makes PROBLEM impossible, and which smallest single changes make it possible.
+    """Explain why PROBLEM is impossible, and list the smallest single changes that help.
 
-    Each change is planned with and certified, and narrowed down to 5 %. Of a problem that can be
-    solved, say what limits it most, and how much worse each condition may become. Field robustness
-    does not count: plan names the error that no motion survives. Exit status 0 if the problem can
-    be solved, as it is or with a change; else that of plan.
+    Each change is planned, certified and found to 5 %. For a possible problem: name its tightest
+    limits, and how much worse each condition may become. The field robustness is ignored: plan
+    names the error that no motion survives. Exit status 0 if the problem, or the problem with a
+    change, can be planned; else the exit status of plan.
     """
     console.require_ending(html, "--html", console.PAGE_ENDINGS)
     if html is not None:

@@ -55,7 +55,7 @@ _MAX_NAMES = 12  # joints or links in a line
 @console.TOOL_FRAME
 @console.PACKAGE_DIR
 @console.XACRO_ARG
-@click.option("--plot", type=console.PATH, help="Arm and cell, frames named (PNG, PDF or SVG).")
+@click.option("--plot", type=console.PATH, help="Draw arm, cell and frames (PNG, PDF or SVG).")
 @console.SET
 @console.AS_JSON
 def info(
@@ -67,11 +67,10 @@ def info(
     changes: dict[str, Any],
     as_json: bool,
 ) -> None:
-    """Say what is in ROBOT, a URDF or example:NAME, or in PROBLEM, and what is missing.
+    """Describe ROBOT (a URDF or example:NAME) or PROBLEM, and list missing values.
 
-    Joints and their limits with where each comes from, motors, links, masses, geometry and which
-    meshes of it are not closed, frames; of
-    a problem also start, tube, obstacles and payload, of a cycle moves, rests and what is carried.
+    Robot: joints, limits and the source of each, motors, links, masses, geometry, open meshes,
+    frames. Problem: also start, tube, obstacles, payload. Cycle: also moves, stops, carried parts.
     Missing limits are no error here.
     """
     require_figure(plot, "--plot")

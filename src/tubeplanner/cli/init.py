@@ -15,7 +15,7 @@ from tubeplanner.writing import require_writable, write_files
 
 @click.command()
 @click.argument("robot")
-@click.option("-o", "--output", type=console.PATH, help="Problem file (YAML).")
+@click.option("-o", "--output", type=console.PATH, help="Write the problem file (YAML).")
 @console.TOOL_FRAME
 @console.PACKAGE_DIR
 @console.XACRO_ARG
@@ -28,10 +28,10 @@ def init(
     xacro_args: dict[str, str],
     as_json: bool,
 ) -> None:
-    """Print or write a problem file that plans as it stands, for ROBOT, a URDF or example:NAME.
+    """Print or write a first problem file that plans, for ROBOT (a URDF or example:NAME).
 
-    It has a start, a short tube that was planned, placeholders for limits that the URDF lacks, and
-    commented examples of other fields.
+    The file has a start, a short tube that was planned, placeholders for limits that the URDF
+    lacks, and commented examples of other fields.
     """
     console.require_ending(output, "-o", (".yaml", ".yml"))
     if output is not None:

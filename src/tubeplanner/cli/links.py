@@ -19,9 +19,9 @@ from tubeplanner.task.problem import PlanningProblem
 @console.SET
 @console.AS_JSON
 def links(problem: str, changes: dict[str, Any], as_json: bool) -> None:
-    """List the links of PROBLEM's robot: how far their collision shapes stand off their geometry.
+    """List each link's collision shapes and their distance from its geometry [mm].
 
-    Then the pairs of links and obstacles that are not checked against each other, and why.
+    Then list the pairs of links and obstacles that are not checked, with the reasons.
     """
     with console.shown_progress() as enter:
         loaded, loading_time = console.load_timed(problem, enter, changes)

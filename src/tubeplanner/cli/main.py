@@ -160,7 +160,7 @@ def cli() -> None:
 @cli.command()
 @console.AS_JSON
 def robots(as_json: bool) -> None:
-    """List what `example:` finds: problems, cycles, studies, robots; and presets."""
+    """List the bundled problems, cycles, studies and robots of `example:`, and the presets."""
     problems, cycles = list(bundled_problems()), list(bundled_cycles())
     presets = bundled_presets()
     if as_json:
@@ -183,11 +183,11 @@ def robots(as_json: bool) -> None:
 
 
 @cli.command()
-@click.option("--cycle", is_flag=True, help="That of cycle files.")
-@click.option("--study", "of_study", is_flag=True, help="That of study files.")
-@click.option("--json", is_flag=True, help="For symmetry: the schema is always JSON.")
+@click.option("--cycle", is_flag=True, help="Print the schema of the cycle file.")
+@click.option("--study", "of_study", is_flag=True, help="Print the schema of the study file.")
+@click.option("--json", is_flag=True, help="No effect: the schema is always JSON.")
 def schema(cycle: bool, of_study: bool, json: bool) -> None:
-    """Print the JSON schema of the problem file, or of the cycle or study file."""
+    """Print the JSON schema of the problem file, the cycle file or the study file."""
     from tubeplanner.studies.study_file import study_schema
     from tubeplanner.task.cycle_file import cycle_schema
     from tubeplanner.task.problem_format import problem_schema

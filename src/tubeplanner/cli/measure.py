@@ -29,18 +29,18 @@ from tubeplanner.writing import require_writable
 @click.argument("problem")
 @click.option("-o", "--output", type=console.PATH, help="Problem file with the measured tube.")
 @click.option(
-    "--max-radius", type=float, default=0.2, show_default=True, help="No radius is larger [m]."
+    "--max-radius", type=float, default=0.2, show_default=True, help="Largest radius [m]."
 )
 @click.option(
-    "--configurations", is_flag=True, help="Which signs of joints are reachable and free, instead."
+    "--configurations", is_flag=True, help="Only list the reachable, free joint signs per segment."
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random numbers.")
 @click.option(
     "--max-segments",
     type=int,
     default=20,
     show_default=True,
-    help="Refuse a tube of more: each takes one to two seconds.",
+    help="Largest number of segments; each takes one to two seconds.",
 )
 @console.SET
 @console.AS_JSON
@@ -54,9 +54,9 @@ def measure(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Measure how wide the tube of PROBLEM may be: radii and joint ranges without a collision.
+    """Measure the largest collision-free radii [m] and joint ranges of PROBLEM's tube.
 
-    Ignores the file's own radii; its joint signs and its start select the configuration.
+    The radii of the file are ignored. Its joint signs and its start select the configuration.
     """
     options = MeasureOptions(max_radius, seed=seed, max_segments=max_segments)
     if configurations and output is not None:

@@ -34,34 +34,34 @@ _MAX_REASONS = 12
     "--region",
     required=True,
     metavar="X0,X1,Y0,Y1[,Z0,Z1]",
-    help="Where the root link's origin may be, in the cell [m].",
+    help="Region of the root link's origin in the cell [m].",
 )
 @click.option(
     "--stands-on",
     metavar="NAME",
     multiple=True,
-    help="An obstacle that links which no joint moves may touch; repeatable; `none` if it stands "
-    "on none of them. Required if there are obstacles.",
+    help="Obstacle under the robot, which links that no joint moves may touch, or `none`; "
+    "repeatable. Required if there are obstacles.",
 )
 @click.option(
     "-o",
     "--output",
     type=console.PATH,
-    help="Problem file with the best place; beside it, with .jsonl, the journal.",
+    help="Write the problem file with the best place, and a journal (.jsonl) beside it.",
 )
-@click.option("--plot", "figure", type=console.PATH, help="Map of the places (PNG, PDF or SVG).")
+@click.option("--plot", "figure", type=console.PATH, help="Draw a map of places (PNG, PDF or SVG).")
 @click.option(
     "--quality",
     default="balanced",
     show_default=True,
-    help="Of the answer: fast, balanced or best; the search is fast.",
+    help="Quality of the answer: fast, balanced or best; the search is fast.",
 )
 @click.option(
     "--points",
     type=int,
     default=300,
     show_default=True,
-    help="About how many places the grid has: positions times angles, eight at most.",
+    help="Number of places of the grid, roughly: positions times angles (at most eight).",
 )
 @console.processes_option("one per processor")
 @console.SLACK
@@ -80,13 +80,12 @@ def place(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Look for the place of PROBLEM's robot, in a region of its cell, where its motion is shortest.
+    """Find the place for PROBLEM's robot, in a region of its cell, with the shortest motion.
 
-    Tries a grid of positions and angles about the vertical, then a pattern search from the five
-    best. A place is a position and an angle.
-    The tube and the obstacles stay; start and goal that are joints become seeds. Links that no
-    joint moves are checked against obstacles, but for those that the robot stands on. With -o every
-    answer is kept in a journal: run the same command again, and it goes on.
+    A place is a position and an angle about the vertical. A grid of places is tried, then a pattern
+    search starts from the five best. Tube and obstacles stay. Joints given as start or goal become
+    seeds. Links that no joint moves are checked against all obstacles but those of --stands-on.
+    With -o a journal keeps every answer: the same command, run again, continues from the journal.
     """
     options = PlaceOptions(points, quality, slack)
     try:

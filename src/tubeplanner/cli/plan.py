@@ -32,20 +32,20 @@ from tubeplanner.writing import require_writable
 @click.command()
 @click.argument("problem")
 @click.option("-o", "--output", type=console.PATH, help="Trajectory file (JSON).")
-@click.option("--csv", type=console.PATH, help="Samples as CSV.")
-@click.option("--ros", type=console.PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
-@click.option("--rate", type=float, help="Samples per second [1/period, or else 500].")
-@click.option("--plot", type=console.PATH, help="Figure (PNG, PDF or SVG).")
+@click.option("--csv", type=console.PATH, help="Write samples (CSV).")
+@click.option("--ros", type=console.PATH, help="Write samples (trajectory_msgs/JointTrajectory).")
+@click.option("--rate", type=float, help="Sampling rate [Hz] [default: 1/period, or 500].")
+@click.option("--plot", type=console.PATH, help="Draw the figure (PNG, PDF or SVG).")
 @click.option(
-    "--html", type=console.PATH, help="The trajectory in 3D, one page that works offline."
+    "--html", type=console.PATH, help="Write a page (HTML, offline) with the trajectory in 3D."
 )
 @click.option(
-    "--method", help="refinement [default], branch-and-bound, stop-at-corners or suh-bishop."
+    "--method", help="refinement (default), branch-and-bound, stop-at-corners, suh-bishop."
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
-@click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
+@click.option("--time-limit", type=float, help="Stop after this time [s], with the best so far.")
 @console.SLACK
-@click.option("--time-left", is_flag=True, help="Report the path's least time, bang-bang.")
+@click.option("--time-left", is_flag=True, help="Report the least duration of the path [s].")
 @console.SET
 @console.AS_JSON
 def plan(
@@ -64,9 +64,9 @@ def plan(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Plan PROBLEM, or a whole cycle, certify the answer, and write the requested files.
+    """Plan PROBLEM or a cycle, certify the trajectory, and write the requested files.
 
-    Writes nothing unless the certificate passes.
+    No file is written unless the certificate passes.
     """
     options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit, slack=slack)
     outputs = PlanOutputs(TrajectoryFiles(output, csv, ros, rate), plot, html)

@@ -80,7 +80,7 @@ def plan_text(
 
 
 def _ending_lines(result: "PlanResult | CycleResult", problem: PlanningProblem) -> list[str]:
-    """Return a line if planning was stopped early, and one if obstacles are not checked."""
+    """Return lines for an early stop of planning and for unchecked obstacles."""
     lines = []
     if result.stopped_by is not None:
         lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
@@ -97,7 +97,7 @@ def _geometry_lines(problem: PlanningProblem) -> list[str]:
 def _sorted_notes(
     notes: Sequence[str], robot: RobotModel, doubts: Sequence[str]
 ) -> tuple[list[str], list[str], list[str]]:
-    """Return lines of notes before an answer, beside it, and after it.
+    """Return lines of notes before, beside and after an answer.
 
     Args:
         notes: Of the answer.
@@ -344,7 +344,7 @@ def _verdict(certificate: CycleCertificate, leg: Leg) -> str:
 
 def _certificate_text(certificate: CycleCertificate) -> str:
     """Return tables of the conditions of moves and junctions: failures, or else the tightest."""
-    # Moves of a leg share a certificate.
+    # Moves of a leg have one certificate.
     certificates = list({id(each): each for each in certificate.moves.values()}.values())
     moves = _condition_table("Certificate: each condition where it is tightest")
     for name in CONDITION_NAMES if certificates else ():

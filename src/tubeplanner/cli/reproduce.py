@@ -22,13 +22,13 @@ PAGE = "the_paper.md"
     type=console.FOLDER,
     default=Path("the_paper"),
     show_default=True,
-    help="Folder for the page and its figures.",
+    help="Write the page and its figures to this folder.",
 )
 @console.AS_JSON
 def reproduce(output: Path, as_json: bool) -> int:
-    """Plan what Suh & Bishop (1988) tabulate: their tables and figures beside the printed values.
+    """Reproduce the tables and figures of Suh & Bishop (1988) beside the printed values.
 
-    Uses the published method and the default one. It takes some minutes.
+    Both the published method and the default method are run. The run takes some minutes.
     """
     files = {caption: f"{name}.png" for name, (caption, _) in FIGURES.items()}
     page = output / PAGE

@@ -30,20 +30,20 @@ from tubeplanner.writing import require_writable
 
 _ERRORS = {
     "mass": "Relative error of masses.",
-    "com": "Of centres of mass [m].",
+    "com": "Error of centres of mass [m].",
     "payload": "Relative error of the payload.",
     "friction": "Relative error of modelled frictions.",
-    "unmodelled_friction": "Viscous friction beside it, share of the effort limit at full speed.",
-    "lag": "Of the motors [s].",
-    "delay": "Of the control [s].",
-    "noise": "Of measured positions [rad or m].",
-    "tool": "Of the tool centre point [m].",
-    "base": "Of the robot's base [m].",
-    "control_period": "Of the control [s].",
-    "bandwidth": "Of the feedback, at least [rad/s].",
-    "velocity_tolerance": "Fraction of a velocity limit beyond it at which the controller stops.",
-    "path_tolerance": "Distance of a joint from the plan at which it stops [rad].",
-    "tool_tolerance": "Distance of the tool from the plan at which it stops [m].",
+    "unmodelled_friction": "More viscous friction, fraction of the effort limit at full speed.",
+    "lag": "Time constant of the motors [s].",
+    "delay": "Delay from measurement to effort [s].",
+    "noise": "Noise of measured positions [rad or m].",
+    "tool": "Error of the tool centre point [m].",
+    "base": "Error of the base position [m].",
+    "control_period": "Period of the controller [s].",
+    "bandwidth": "Least bandwidth of the feedback [rad/s].",
+    "velocity_tolerance": "Fraction beyond a velocity limit at which the controller stops.",
+    "path_tolerance": "Distance of a joint from the plan at which the controller stops [rad].",
+    "tool_tolerance": "Distance of the tool from the plan at which the controller stops [m].",
 }
 _PLANNED = (
     "parts rest, and lie in the hand, where the planned motion has them; the error of the tool at "
@@ -81,12 +81,12 @@ def _error_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.command()
 @click.argument("problem")
 @click.argument("trajectory", type=console.INPUT)
-@click.option("--runs", type=int, default=50, show_default=True, help="How many arms.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Which ones.")
-@click.option("--controller", help="computed-torque (the default), feedforward-pd or pd.")
+@click.option("--runs", type=int, default=50, show_default=True, help="Number of simulated arms.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random errors.")
+@click.option("--controller", help="computed-torque (default), feedforward-pd or pd.")
 @_error_options
-@click.option("--plot", type=console.PATH, help="Figure (PNG, PDF or SVG).")
-@click.option("--html", type=console.PATH, help="The runs in 3D, one page that works offline.")
+@click.option("--plot", type=console.PATH, help="Draw the figure (PNG, PDF or SVG).")
+@click.option("--html", type=console.PATH, help="Write a page (HTML, offline) with the runs in 3D.")
 @console.SET
 @console.AS_JSON
 def simulate(
@@ -101,10 +101,10 @@ def simulate(
     as_json: bool,
     **errors: float | None,
 ) -> None:
-    """Execute the TRAJECTORY file with arms that differ from PROBLEM's model, in MuJoCo.
+    """Simulate the TRAJECTORY file in MuJoCo on arms that differ from PROBLEM's model.
 
-    PROBLEM may be a cycle, which is executed whole. What is seen in some runs is not proved for
-    others. An error that is not given is that of PROBLEM's robustness, or the usual one. Exit
+    PROBLEM may be a cycle: all of its moves are simulated. A result of some runs is no proof for
+    others. Errors without an option are those of PROBLEM's robustness, else the defaults. Exit
     status 0 also if runs fail.
     """
     pictures = _Pictures(plot, html)

@@ -30,14 +30,14 @@ _MAX_REASONS = 12
     "-o",
     "--output",
     type=console.PATH,
-    help="Table (CSV or JSON, by its ending); beside it, with .jsonl, the journal.",
+    help="Write the table (CSV or JSON), and a journal (.jsonl) beside it.",
 )
-@click.option("--plot", "figure", type=console.PATH, help="Figure (PNG, PDF or SVG).")
+@click.option("--plot", "figure", type=console.PATH, help="Draw the figure (PNG, PDF or SVG).")
 @console.processes_option("one per processor")
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="Plan by the workers of a Dask scheduler, such as tcp://10.0.0.1:8786.",
+    help="Plan on the workers of a Dask scheduler, such as tcp://10.0.0.1:8786.",
 )
 @console.AS_JSON
 def study(
@@ -48,11 +48,11 @@ def study(
     scheduler: str | None,
     as_json: bool,
 ) -> int:
-    """Plan every point of STUDY, a file that says which fields of which problems take which values.
+    """Plan every point of STUDY, a file of problems, fields and their values.
 
-    With -o every answer is kept in a journal as soon as it is there: run the same command again
-    after Ctrl-C, a crash or a power failure, and it goes on. Exit status 0 if any point has a
-    certified motion; the other rows say why not.
+    With -o a journal keeps every answer at once: after Ctrl-C, a crash or a power failure, the same
+    command continues from the journal. Exit status 0 if any point has a certified motion; the other
+    rows have the reason.
     """
     console.require_ending(output, "-o", (".csv", ".json"))
     require_figure(figure, "--plot")

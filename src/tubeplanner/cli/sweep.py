@@ -35,8 +35,8 @@ from tubeplanner.writing import require_writable
     multiple=True,
     help="Values of any field, such as robot.payload.mass=0,2,5 or tube.radius=x0.5,x1.",
 )
-@click.option("-o", "--output", type=console.PATH, help="Table (CSV or JSON, by its ending).")
-@click.option("--plot", "figure", type=console.PATH, help="Figure (PNG, PDF or SVG).")
+@click.option("-o", "--output", type=console.PATH, help="Write the table (CSV or JSON).")
+@click.option("--plot", "figure", type=console.PATH, help="Draw the figure (PNG, PDF or SVG).")
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @console.processes_option("this one, value by value")
 @console.SLACK
@@ -55,10 +55,10 @@ def sweep(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Plan PROBLEM at several tolerances or values of a field: how much time does each cost?
+    """Plan PROBLEM at several tolerances, or values of a field, and compare the durations [s].
 
-    Plans the shortest motions, unless --slack or --vary objective.... says otherwise. Exit status 0
-    if any of them has a certified trajectory; the other rows say why not.
+    The motions are the shortest, unless --slack or --vary objective.... says otherwise. Exit status
+    0 if any value has a certified trajectory; the other rows have the reason.
     """
     if (radius is not None) + (radius_scale is not None) + bool(variations) != 1:
         raise OptionError("sweep takes either --radius or --radius-scale or --vary")

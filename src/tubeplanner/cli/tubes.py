@@ -27,33 +27,33 @@ from tubeplanner.writing import require_writable
 
 _OUTPUT = click.option("-o", "--output", type=console.PATH, help="Problem file with the tube.")
 _MAX_RADIUS = click.option(
-    "--max-radius", type=float, default=0.2, show_default=True, help="No radius is larger [m]."
+    "--max-radius", type=float, default=0.2, show_default=True, help="Largest radius [m]."
 )
 _SAMPLES = click.option(
     "--samples",
     type=int,
     default=2000,
     show_default=True,
-    help="Configurations of a segment that measuring draws last.",
+    help="Number of random configurations per segment in the last test.",
 )
-_SEED = click.option("--seed", type=int, default=1, show_default=True, help="Of random numbers.")
+_SEED = click.option("--seed", type=int, default=1, show_default=True, help="Random seed.")
 
 
 @click.command()
 @click.argument("problem")
 @_OUTPUT
 @_SEED
-@click.option("--tries", type=int, default=3, show_default=True, help="Searches per margin.")
+@click.option("--tries", type=int, default=3, show_default=True, help="Searches for each margin.")
 @click.option(
     "--checks", type=int, default=20_000, show_default=True, help="Configurations per search."
 )
 @_MAX_RADIUS
 @_SAMPLES
-@click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
+@click.option("--time-limit", type=float, help="Stop after this time [s], with the best so far.")
 @click.option(
     "--measured",
     type=console.PATH,
-    help="Problem file with the measured tube, in which nothing collides.",
+    help="Write the problem file with the measured, collision-free tube.",
 )
 @console.SET
 @console.AS_JSON
@@ -70,11 +70,11 @@ def route(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Find a tube for PROBLEM from its start, goal and obstacles alone, and plan through it.
+    """Find a tube for PROBLEM from start, goal and obstacles alone, and plan through the tube.
 
-    PROBLEM needs no tube; its goal may be a tool position. The tube of the fastest trajectory that
-    is certified goes to the file of -o, which `plan` plans; a tube that was measured beside it, to
-    the file of --measured.
+    PROBLEM needs no tube; its goal may be a tool position. -o writes a problem file for `plan`,
+    with the tube of the fastest certified trajectory. --measured writes one with a second tube,
+    which was measured.
     """
     options = RouteOptions(
         seed, tries, checks, max_radius=max_radius, samples=samples, time_limit=time_limit
@@ -107,17 +107,17 @@ def route(
 @click.option("--urdf", help="Robot description: a path, package://PKG/... or example:NAME.")
 @click.option("--tool-frame", help="Link that carries the tool.")
 @click.option("--obstacles", type=console.PATH, help="File with obstacles, as in a problem file.")
-@click.option("--problem", "template", help="Problem file to take all but the tube and ends from.")
+@click.option("--problem", "template", help="Problem file with robot, limits and obstacles.")
 @_OUTPUT
 @click.option(
     "--deviation",
     type=float,
     default=0.01,
     show_default=True,
-    help="Of the trail from lines between reference points [m].",
+    help="Largest distance of the trail from lines between reference points [m].",
 )
 @click.option(
-    "--band", type=float, default=0.3, show_default=True, help="Beyond the trail's joints [rad, m]."
+    "--band", type=float, default=0.3, show_default=True, help="Margin beyond the trail [rad, m]."
 )
 @_MAX_RADIUS
 @_SAMPLES
@@ -139,11 +139,11 @@ def teach(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Make a tube from a recorded TRAIL of the joints, and plan through it.
+    """Make a tube from TRAIL, a recorded motion of the joints, and plan through the tube.
 
     TRAIL is a file that `check` reads: CSV with time and JOINT.position, or a ROS
-    JointTrajectory. The robot comes from --urdf and --tool-frame, or with its limits and obstacles
-    from --problem.
+    JointTrajectory. --urdf and --tool-frame give the robot; --problem gives the robot, its limits
+    and obstacles.
     """
     if (template is None) == (urdf is None or tool_frame is None):
         raise OptionError("teach takes either --urdf and --tool-frame, or --problem")

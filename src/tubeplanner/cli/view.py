@@ -30,7 +30,7 @@ from tubeplanner.writing import require_writable, write_files
 @click.command()
 @click.argument("problem")
 @click.argument("trajectories", type=console.INPUT, nargs=-1, metavar="[TRAJECTORY]...")
-@click.option("--html", type=console.PATH, help="Write one page that works offline; open nothing.")
+@click.option("--html", type=console.PATH, help="Write a page (HTML, offline); open nothing.")
 @console.SET
 @console.AS_JSON
 def view(
@@ -40,11 +40,11 @@ def view(
     changes: dict[str, Any],
     as_json: bool,
 ) -> None:
-    """Show PROBLEM, or a cycle, and TRAJECTORY files, side by side, in 3D.
+    """Show PROBLEM or a cycle in 3D, with TRAJECTORY files side by side.
 
-    Notes say whether each motion passes under PROBLEM, and what differs if it was made for another.
-    PROBLEM needs no tube: the arm is shown at its start, in its cell. Of a cycle all moves are on
-    one time line, with what happens between them.
+    Notes tell whether each motion passes the conditions of PROBLEM, and list the differences if the
+    motion was made for another problem. PROBLEM needs no tube: the arm is shown at its start, in
+    its cell. All moves of a cycle are on one time line, with the events between moves.
     """
     console.require_ending(html, "--html", console.PAGE_ENDINGS)
     if html is not None:
@@ -111,16 +111,16 @@ def _shown(
     "-o",
     "--output",
     type=console.PATH,
-    help="Figure (PNG, PDF or SVG) [default: beside TRAJECTORY].",
+    help="Draw the figure (PNG, PDF or SVG) [default: beside TRAJECTORY].",
 )
 @console.SET
 @console.AS_JSON
 def plot(
     problem: str, trajectory: Path, output: Path | None, changes: dict[str, Any], as_json: bool
 ) -> int:
-    """Draw the TRAJECTORY file against the limits and the tube of PROBLEM, or those of a cycle.
+    """Draw the TRAJECTORY file against the limits and the tube of PROBLEM or of a cycle.
 
-    Without -o the figure goes next to the trajectory, under its name with the ending .png.
+    Without -o the figure is written next to TRAJECTORY, with the same name and the ending .png.
     """
     target = output or trajectory.with_suffix(".png")
     require_figure(target, "-o")

@@ -26,7 +26,7 @@ class BodyShape:
 
     Attributes:
         owner: Name of the link or obstacle.
-        body: Index of the robot's body that carries it; 0 stands still.
+        body: Index of the robot's body that carries it; 0 is fixed.
         shape: In the body's frame.
     """
 
@@ -58,7 +58,7 @@ class BodyShapes:
     """
 
     def __init__(self, robot: RobotModel, shapes: Sequence[BodyShape]) -> None:
-        """Take shapes; they are measured where the robot's configuration puts them."""
+        """Take shapes on the links of a robot."""
         self.robot = robot
         self.shapes = list(shapes)
         self._placed = _PlacedShapes(self.shapes)

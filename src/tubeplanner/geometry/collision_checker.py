@@ -80,11 +80,11 @@ class CollisionChecker(BodyShapes):
             ignore: Pairs of names of links or obstacles that may touch.
 
         Raises:
-            ProblemError: Two solids or a solid and a link share a name, or an ignored name does
+            ProblemError: Two solids or a solid and a link have one name, or an ignored name does
                 not exist.
             RobotError: A link's geometry cannot be read.
         """
-        alone = robot.in_root_frame()  # results of it hold wherever the robot stands
+        alone = robot.in_root_frame()  # its results hold for every base pose
         parts = link_parts(alone)
         covers = {
             link: [shape for part in own for shape in part.cover()] for link, own in parts.items()
@@ -221,7 +221,7 @@ def _link_shapes(robot: RobotModel, covers: Mapping[str, Sequence[ConvexShape]])
     result = []
     for link, shapes in covers.items():
         body = robot.link_body[link]
-        if body == _BASE and robot.base is not None:  # where the robot stands
+        if body == _BASE and robot.base is not None:  # the pose of the base
             shapes = [shape.transformed(robot.base.placement) for shape in shapes]
         result += [BodyShape(link, body, shape) for shape in shapes]
     return result

@@ -76,7 +76,7 @@ def unpacked(arrays: Mapping[str, np.ndarray]) -> list[ConvexShape]:
 
 
 def cached(kind: str, key: str | None, compute: Callable[[], Mapping[str, np.ndarray]]) -> Arrays:
-    """Return arrays from the cache, or else compute and store them.
+    """Return arrays from the cache, or compute and store the arrays.
 
     Args:
         kind: Kind of the arrays: part of the entry's name.

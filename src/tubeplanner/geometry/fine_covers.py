@@ -112,7 +112,7 @@ class MeshPiece:
         return flat_hull(points) if qhull is None else ConvexShape(points[qhull.vertices])
 
     def shape(self) -> ConvexShape:
-        """Return the hull, grown until it contains all of the solid despite rounding."""
+        """Return the hull, grown to contain all of the solid despite rounding."""
         outside = self.outside(self._all_points).max()
         return ConvexShape(read_only(self.hull.vertices), max(0.0, float(outside)))
 
@@ -139,7 +139,7 @@ class MeshPiece:
         return None if any(part.is_empty for part in parts) else (parts[0], parts[1])
 
     def part(self, axis: int, height: float, *, below: bool) -> "MeshPiece":
-        """Return the part on one side of a plane across an axis at a coordinate [m]."""
+        """Return the part below or above a plane across an axis at a coordinate [m]."""
         low, high = self.low.copy(), self.high.copy()
         if below:
             high[axis] = min(high[axis], height)
@@ -169,7 +169,7 @@ class MeshPiece:
 
     @cached_property
     def _facets(self) -> tuple[FloatArray, BoolArray]:
-        """The hull's triangles, shape (F, 3, 3) [m], and True where a cut made them, shape (F,)."""
+        """The hull's triangles, shape (F, 3, 3) [m], and True for cut triangles, shape (F,)."""
         facets: FloatArray = self.hull.vertices[self.hull.faces]
         on_cut = np.zeros(len(facets), dtype=bool)
         for bound in (self.low, self.high):
@@ -256,7 +256,7 @@ class MeshPiece:
 
 
 def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> FloatArray:
-    """Return the part of triangles on one side of a plane across an axis, as triangles (T', 3, 3).
+    """Return triangles cut to the side of a plane across an axis, shape (T', 3, 3).
 
     Triangles in the plane go to the side of the solid that they bound. Triangles that only touch
     the plane do not count: else they would span a hull over nothing.
@@ -307,7 +307,7 @@ def _distinct(coordinates: FloatArray) -> tuple[FloatArray, IntArray]:
     return coordinates[first], counts
 
 
-# ---- Closer covers of concave meshes: pieces are cut in two until none stands off the surface.
+# ---- Closer covers of concave meshes: pieces are cut in two until none is off the surface.
 
 OUTER_ERROR = 2e-3  # [m]: accepted distance of a cover from its mesh where it matters
 MAX_PIECES = 64
@@ -389,7 +389,7 @@ def fine_cover(
 
 
 class _Search:
-    """The pieces so far: those that may be cut, the worst first, and the finished ones."""
+    """The pieces so far: pieces to cut, the worst first, and finished pieces."""
 
     def __init__(self, solid: MeshSolid) -> None:
         self._solid, self._rng = solid, np.random.default_rng(_SEED)
@@ -414,7 +414,7 @@ class _Search:
         return pieces
 
     def add(self, piece: MeshPiece, probes: FloatArray | None) -> None:
-        """Add a piece; of the probes, those in or near it matter."""
+        """Add a piece, with the probes in or near the piece."""
         matters = np.inf
         if probes is not None:
             outside = piece.outside(probes)

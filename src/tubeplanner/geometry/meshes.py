@@ -119,7 +119,7 @@ def load_mesh(
 
 
 def _fault(mesh: "trimesh.Trimesh", scale: np.ndarray) -> str | None:
-    """Return the reason why a mesh, as read, is no solid [m] when scaled; None if it is."""
+    """Return the reason why a scaled mesh is no solid [m], or None for a solid."""
     vertices = np.asarray(getattr(mesh, "vertices", ()), dtype=float)
     faces = np.asarray(getattr(mesh, "faces", ()))
     if len(faces) == 0:
@@ -140,7 +140,7 @@ def _fault(mesh: "trimesh.Trimesh", scale: np.ndarray) -> str | None:
 
 
 def length_unit(path: Path) -> float:
-    """Return the length of a mesh file's unit [m]: COLLADA states it, and trimesh ignores it.
+    """Return the length unit of a mesh file [m]; trimesh ignores the unit in COLLADA files.
 
     Raises:
         ValueError: The unit is no number.
@@ -306,7 +306,7 @@ class MeshFile:
         return load_mesh(self.owner, self.path, self.scale)
 
     def _filled(self, solid: MeshSolid) -> Any:
-        """Return the mesh with its openings closed as in a solid: itself if it has none."""
+        """Return the mesh with its openings closed as in a solid."""
         import trimesh
 
         return (

@@ -22,7 +22,7 @@ def separating_directions(
     enough: float = np.inf,
     loose: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the gaps between the hulls of two sets of points, and unit vectors along them.
+    """Return the gaps between the hulls of two sets of points, and their unit vectors.
 
     Gilbert's iteration ("An iterative procedure for computing the minimum of a quadratic form on a
     convex set", 1966) towards the shortest vector between both hulls, on all configurations

@@ -103,7 +103,7 @@ class Obstacle:
 
     @classmethod
     def cylinder(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
-        """Return a cylinder [m] along z of a placement (4, 4), centred in it."""
+        """Return a cylinder [m] along z of a placement (4, 4), centred at its origin."""
         _require_positive(name, "cylinder", [radius, length])
         shape = _placed(name, convex_shape.cylinder(radius, length), placement)
         return cls(name, (shape,), simple_contents("cylinder", [radius, length], placement))
@@ -299,7 +299,7 @@ def open_mesh_texts(meshes: Mapping[str, Mapping[str, int]]) -> list[str]:
 
 
 def taken(obstacle: Obstacle, tool_frame: FloatArray) -> AttachedSolid:
-    """Return an obstacle as a solid attached to the tool that picks it up.
+    """Return an obstacle as a solid attached to a tool.
 
     Args:
         obstacle: In the base frame.

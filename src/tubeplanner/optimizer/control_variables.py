@@ -96,7 +96,7 @@ class ControlVariables:
         return change
 
     def collected(self, by_point: FloatArray) -> FloatArray:
-        """Return derivatives by the variables, (F, n), from those of control points (K, n)."""
+        """Return derivatives by variables, (F, n), from derivatives by control points (K, n)."""
         by_variable = np.zeros_like(self.lower)
         np.add.at(by_variable, self._own, by_point[self._moving])
         return by_variable
@@ -195,17 +195,17 @@ def _is_redundant(problem: PlanningProblem) -> bool:
     return int(np.linalg.matrix_rank(jacobian[:, :3], tol=_MIN_GAIN).max()) < joints
 
 
-# ---- The program's variables of each leg: legs share those of tied ends.
+# ---- The program's variables of each leg: tied ends have common variables.
 #
 # In the order of time, as the solver likes it: the configurations of all legs, and between them the
 # switching times between short phases, which count only near there. Then, as they count everywhere,
 # the configuration in which a cycle closes, the other switching times, every leg's eta and its
 # elastic variable.
 
-# A row of a cubic couples so many configurations, if no switching time stands between them.
+# A row of a cubic couples this number of configurations, without a switching time between them.
 _CONFIGURATIONS = 4
-# Else those of its own phase, and so many more; and the switching times that are nearer than so
-# many intervals on either side.
+# Else the configurations of its own phase and this number more; and the switching times nearer
+# than this number of intervals on either side.
 _BESIDE, _NEAR = 2, 3
 
 

@@ -40,7 +40,7 @@ _MAX_RELAXED = 2
 
 @dataclass(frozen=True)
 class Outcome:
-    """Predicted and actual gain of a step, as shares of T^2, and its size.
+    """Predicted and actual gain of a step, as fractions of T^2, and its size.
 
     Attributes:
         predicted: Gain that the linearization predicts.
@@ -181,7 +181,7 @@ class Leg(Protocol):
     def gains(
         self, current: Iterate, trial: Iterate, step: Step, penalty: float
     ) -> tuple[float, float]:
-        """Return the predicted and the actual gain of a step, as shares of T^2."""
+        """Return the predicted and the actual gain of a step, as fractions of T^2."""
         ...
 
     def slack(self, current: Iterate, trial: Iterate, step: Step) -> FloatArray:
@@ -362,7 +362,7 @@ class _Linearized:
         return tuple(trials)
 
     def gains(self, trials: Sequence[Iterate], steps: Sequence[Step]) -> tuple[float, float]:
-        """Return the predicted and the actual gain of steps: shares of T^2, weighted."""
+        """Return the predicted and the actual gain of steps: fractions of T^2, weighted."""
         predicted, gain = 0.0, 0.0
         each = zip(self._weights, self._legs, self._currents, trials, steps, strict=True)
         for weight, leg, current, trial, step in each:

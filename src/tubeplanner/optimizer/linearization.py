@@ -72,7 +72,7 @@ class Linearization:
 
         Args:
             current: The trajectory.
-            rows: All constraints but regions, and 1 for those that may be violated, else 0.
+            rows: All constraints but regions, and 1 for rows that may be violated, else 0.
             value: The constraints of the first program.
             variables: The variable control points.
             bounds: Of the step.
@@ -91,7 +91,7 @@ class Linearization:
 
     @property
     def added(self) -> IntArray:
-        """Numbers of the rows that steps broke, beyond those of the first program."""
+        """Numbers of the rows that steps broke, without the rows of the first program."""
         return self._rows.index[self._active & ~self._near]
 
     def weighted(self, weight: float) -> "Linearization":

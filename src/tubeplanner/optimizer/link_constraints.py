@@ -42,7 +42,7 @@ def of_corners(
     closest: ClosestPoints,
     corner: IntArray,
 ) -> ClosestPoints:
-    """Return the closest points of pairs, some of them at a corner of the smaller shape.
+    """Return the closest points of pairs, some at a corner of the smaller shape.
 
     Args:
         checker: The shapes.
@@ -267,7 +267,7 @@ class LinkConstraints:
         return result
 
     def add_samples(self, spline: PhasedSpline) -> bool:
-        """Watch pairs at local minima of their clearance; return True if a new one is too close."""
+        """Watch pairs at local minima of the clearance; return True if a new pair is too close."""
         if len(self._pairs) == 0:
             return False
         samples = spline.grid.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
@@ -304,7 +304,7 @@ class LinkConstraints:
         clearance: FloatArray,
         same_fraction: float,
     ) -> bool:
-        """Watch pairs at samples that are not watched yet; return True if one is too close."""
+        """Watch pairs at samples that are not watched yet; return True if a pair is too close."""
         times = spline.switching_times
         old, new = self._samples.times(times), samples.times(times)
         spacing = np.diff(spline.grid.breakpoints(times))[samples.interval] / _PER_INTERVAL
@@ -331,7 +331,7 @@ class LinkConstraints:
         return self._along[1]
 
     def _set_spare(self, spline: PhasedSpline, pairs: IntArray) -> None:
-        """Set the spare distance beyond the required one: a little, where start and goal allow."""
+        """Set the distance beyond the clearance: small, and only where start and goal allow."""
         pairs = pairs[np.isnan(self._spare[pairs])]
         ends = spline.control_points[[0] if self._problem.endpoints[1].is_open else [0, -1]]
         rotation, position = self._problem.robot.body_poses(ends)
@@ -408,6 +408,6 @@ class EvaluatedLinks:
 
     @property
     def _slack(self) -> FloatArray:
-        """Distance of the pairs beyond the one aimed at, in units of 5 cm, shape (E,)."""
+        """Distance of the pairs beyond the target distance, in units of 5 cm, shape (E,)."""
         slack: FloatArray = (self.closest.distance - self.aim.distance) / _UNIT
         return slack

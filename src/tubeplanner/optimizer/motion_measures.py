@@ -62,7 +62,7 @@ class IntervalMotion:
 
     @property
     def width(self) -> FloatArray:
-        """Widths of the intervals, as shares of the duration, shape (M,)."""
+        """Widths of the intervals, as fractions of the duration, shape (M,)."""
         return self.elapsed[:, 0] + self.elapsed[:, 1]
 
     @property
@@ -71,7 +71,7 @@ class IntervalMotion:
         return self.elapsed_by_switching[:, 0] + self.elapsed_by_switching[:, 1]
 
     def effort(self, effort: JointEffort) -> FloatArray:
-        """Return efforts as shares of their limits, shape (M, 3, I)."""
+        """Return efforts as fractions of their limits, shape (M, 3, I)."""
         return self.at_samples(effort.used(self.path).at(1 / self.run_in))
 
     def effort_derivatives(self, effort: JointEffort) -> tuple[FloatArray, FloatArray]:
@@ -81,7 +81,7 @@ class IntervalMotion:
         return self._cached[effort]
 
     def jerk(self, jerk: JointRate) -> FloatArray:
-        """Return the jerks in one second, as shares of their limits, shape (M, I)."""
+        """Return the jerks of a run in 1 s, as fractions of their limits, shape (M, I)."""
         return jerk.used(self._rates[1]).at(1.0)[: self._intervals]
 
     def jerk_derivatives(self, jerk: JointRate) -> tuple[FloatArray, FloatArray]:
@@ -224,7 +224,7 @@ class Energy:
         self._effort = JointEffort(limit, with_coulomb_friction=True)
 
     def total(self, motion: IntervalMotion) -> float:
-        """Return the integral, in one second."""
+        """Return the integral for a run in 1 s."""
         return float((self._squared(motion) ** 2).sum())
 
     def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
@@ -329,7 +329,7 @@ _LOOKS = 200
 
 
 def smoothness_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: float) -> Weighted:
-    """Return effort rate, effort variation and jerk, in the scales of one motion.
+    """Return effort rate, effort variation and jerk, in the scales of a motion.
 
     Args:
         problem: The planning problem.
@@ -353,11 +353,11 @@ class EffortRate:
     """The integral of the efforts' rates to the fourth power."""
 
     def __init__(self, effort: JointEffort) -> None:
-        """Take the efforts, as shares of limits."""
+        """Take the efforts, as fractions of limits."""
         self._effort = effort
 
     def total(self, motion: IntervalMotion) -> float:
-        """Return the integral, in one second."""
+        """Return the integral for a run in 1 s."""
         return float((self._raised(motion) ** 4).sum())
 
     def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
@@ -382,7 +382,7 @@ class EffortVariation:
     """The total variation of the efforts, rounded where they hardly change."""
 
     def __init__(self, effort: JointEffort) -> None:
-        """Take the efforts, as shares of limits."""
+        """Take the efforts, as fractions of limits."""
         self._effort = effort
 
     def total(self, motion: IntervalMotion) -> float:
@@ -402,11 +402,11 @@ class Jerk:
     """The integral of the jerks to the fourth power."""
 
     def __init__(self, jerk: JointRate) -> None:
-        """Take the jerks, as shares of limits."""
+        """Take the jerks, as fractions of limits."""
         self._jerk = jerk
 
     def total(self, motion: IntervalMotion) -> float:
-        """Return the integral, in one second."""
+        """Return the integral for a run in 1 s."""
         return float((self._raised(motion) ** 4).sum())
 
     def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:

@@ -34,8 +34,8 @@ def cubic_weights(
 
     Args:
         switching_times: Ends of the phases, shape (m+1,).
-        knots: Phases and shares of the M+1 knots, the end included.
-        samples: Phases, shares and knot intervals of N samples.
+        knots: Phases and fractions of the M+1 knots, the end included.
+        samples: Phases, fractions and knot intervals of N samples.
     """
     if _weights is None:
         return None
@@ -96,7 +96,7 @@ def cubic_values(weights: FloatArray, first: IntArray, control: FloatArray) -> F
 # ---- Cubic B-splines of joint positions over phases, each in one or more tube segments.
 #
 # Time x runs from 0 to 1. Phase k lies between the switching times k and k+1; its knots sit at
-# fixed shares of it, and so do samples: when a switching time moves, they move with it. Joints are
+# fixed fractions of it, as samples do: when a switching time moves, they move with it. Joints are
 # C2 everywhere. The first three control points are the start and the last three the goal, so that
 # velocity and acceleration vanish exactly at both ends.
 
@@ -107,7 +107,7 @@ _IMAGINARY_STEP = 1e-30
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """N points on a spline that keep their share of their phase.
+    """N points on a spline at fixed fractions of their phases.
 
     Attributes:
         phase: Shape (N,).
@@ -133,7 +133,7 @@ class Samples:
 
     @cached_property
     def positions(self) -> SamplePosition:
-        """Phases, shares and knot intervals, for functions of the native library."""
+        """Phases, fractions and knot intervals, for functions of the native library."""
         return self.phase, self.fraction, self.interval
 
     def and_also(self, other: "Samples") -> "Samples":
@@ -181,7 +181,7 @@ class KnotGrid:
     """The knots of a spline over phases.
 
     Attributes:
-        fractions: Per phase, the knots' shares of it, from 0 to 1, both included.
+        fractions: Per phase, the knots' fractions of it, from 0 to 1, both included.
         runs: The tube's segments of every phase; one each if not given.
         is_fixed: Whether switching times are fixed.
     """
@@ -216,14 +216,14 @@ class KnotGrid:
         return self.interval_count + DEGREE
 
     def breakpoints(self, switching_times: FloatArray) -> FloatArray:
-        """Return all knots, without repeating those at the ends, for switching times (m+1,)."""
+        """Return all knots, the end knots once, for switching times (m+1,)."""
         phase, fraction = (positions[:-1] for positions in self.positions)
         begin: FloatArray = switching_times[phase] + np.diff(switching_times)[phase] * fraction
         return np.append(begin, switching_times[-1])
 
     @cached_property
     def positions(self) -> Knots:
-        """Phases and shares of all knots, without repeating those at the ends, (M+1,) each."""
+        """Phases and fractions of all knots, the end knots once, (M+1,) each."""
         counts = self.intervals_of_phases
         phase = np.repeat(np.arange(len(counts)), counts)
         fraction = np.concatenate([*(fraction[:-1] for fraction in self.fractions), [1.0]])

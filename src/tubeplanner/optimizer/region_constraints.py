@@ -229,7 +229,7 @@ def evaluated_tube(
     margin: FloatArray,
     numbers: IntArray,
 ) -> EvaluatedRegions:
-    """Return the tube at N samples of a spline, each in one of its phase's segments.
+    """Return the tube at N samples of a spline, each in a segment of the sample's phase.
 
     Args:
         at: The spline at the samples.

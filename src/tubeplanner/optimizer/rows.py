@@ -268,7 +268,7 @@ class EvaluatedSpeedLimit:
     at: SampledSpline
     path: PathSamples
     numbers: IntArray
-    # By duration: after a step that was rejected, the same rows are asked for again.
+    # By duration: after a step that was rejected, the same rows are requested again.
     _changes: dict[float, Mapping[int, FloatArray]] = field(default_factory=dict, repr=False)
 
     @cached_property

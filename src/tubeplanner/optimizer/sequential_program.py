@@ -186,7 +186,7 @@ class SequentialProgram:
     def gains(
         self, current: Iterate, trial: Iterate, step: Step, penalty: float
     ) -> tuple[float, float]:
-        """Return the predicted and the actual gain of a step, as shares of T^2."""
+        """Return the predicted and the actual gain of a step, as fractions of T^2."""
         before, expected, actual = (
             max(excess - self._objective.ignored_excess, 0.0)
             for excess in (current.excess, step.elastic, trial.excess)
@@ -273,7 +273,7 @@ def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Plan
 # program is solved with a rise of the limit.
 
 # Where elastic rows cost more than this fraction of their penalty, multipliers tell the penalty:
-# then so many times their violation is allowed, or this much.
+# then this multiple of their violation is allowed, or this much.
 _FRACTION_OF_PENALTY, _SPARE_FRACTION, _MIN_SPARE = 0.5, 2.0, 1e-5
 # The rise. (Beside such a start, multipliers of a tolerance said 0.3 to 400 where rises of 0.1 % to
 # 10 % gained nothing. Steps of the program have room for this one.)

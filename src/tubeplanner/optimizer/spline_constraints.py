@@ -51,7 +51,7 @@ from tubeplanner.task.problem import PlanningProblem
 
 
 def tolerance_keys(tube: Tube) -> list[LimitKey]:
-    """Return the keys of all tolerances: of the regions, then of the rotation if it is bounded."""
+    """Return the keys of all tolerances: regions, then rotation if bounded."""
     of_rotation = [] if tube.rotation is None else rotation_keys(tube)
     return [*(key for own in region_keys(tube) for key in own), *of_rotation]
 
@@ -63,7 +63,7 @@ def region_keys(tube: Tube) -> list[list[LimitKey]]:
 
 
 def rotation_keys(tube: Tube) -> list[LimitKey]:
-    """Return the keys of the rotation tolerances, one for each segment."""
+    """Return the keys of the rotation tolerances of all segments."""
     return [LimitKey("rotation", segment=k) for k in range(tube.segment_count)]
 
 
@@ -81,7 +81,7 @@ _BESIDE = np.array([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75])
 # Samples may lie this much farther apart than on average; and the largest margin for kinks between
 # them, in radii.
 _UNEVEN, _MAX_FOR_KINKS = 2, 0.03
-# Over about so many knot intervals the Coulomb friction of one direction is blended into the
+# Over about this number of knot intervals the Coulomb friction of one direction is blended into the
 # other's: first, and in the end.
 WIDELY_BLENDED, BLENDED = 12.0, 5.0
 # Peaks of the squared duration between samples that count.
@@ -188,7 +188,7 @@ class SplineConstraints:
         self._passing_samples = ends.where(np.searchsorted(stops, problem.tube.compulsory_points))
         self._last_sample = ends.where(np.array([len(grid.runs) - 1]))
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
-        # Of the segments of chains, those that get a sample wherever the tool is.
+        # The segments of runs that get a sample wherever the tool is.
         self._is_requested = np.zeros(problem.tube.segment_count, dtype=bool)
 
     def blend(self, intervals: float) -> bool:
@@ -269,7 +269,7 @@ class SplineConstraints:
         return worst, has_more or len(outside) > 0
 
     def _ask_for_missed(self, tool: FloatArray) -> bool:
-        """Ask for the segments that the tool misses at dense samples; return True if one is new."""
+        """Require the segments that the tool misses at dense samples; return True if any is new."""
         points, runs = self._problem.tube.points, self._grid.runs
         segments = OrderedSegments(points, self._radius, runs, self._dense_samples)
         missed = segments.missed(tool) & ~self._is_requested

@@ -51,9 +51,9 @@ _HOPELESS = 0.05
 # Links that leave an obstacle on more knots do so in half as many steps.
 _STEPS_TO_GET_OUT = 15
 # Links that pass through an obstacle between samples are this deep in it where samples are added
-# (110 problems with a solution: 0.027 at most, once). After so many times, they stay in it.
+# (110 problems with a solution: 0.027 at most, once). After this number of times, they stay.
 _DODGED, _MAX_DODGES = 0.2, 3
-# Splines with so many knot intervals can go round an obstacle.
+# Splines with this number of knot intervals can go round an obstacle.
 _MANY_INTERVALS = 16
 # The exchange of samples ends when violations between them are below this fraction of T^2.
 _BETWEEN_SAMPLES = 0.003
@@ -380,7 +380,7 @@ _SMOOTHING_STEPS, _SMOOTHING_ROUNDS = 4, 8
 # stay the last fraction below, for peaks between those.
 _MIN_RESERVE, _MAX_RESERVE, _RESERVE_FRACTION = 1e-4, 2.5e-4, 0.25
 _BETWEEN_LOOKS = 5e-5
-# Coulomb friction is blended over so many knot intervals, as reversals move during the descent.
+# Coulomb friction is blended over these knot intervals, as reversals move during the descent.
 # They lie between samples, and have sharper peaks.
 _BLENDED, _MAX_AT_REVERSALS = 8.0, 7e-4
 # The shortest motion's slack in the tube may shrink by this fraction of the radius; its clearance
@@ -513,7 +513,7 @@ class SecondStage:
         return self._best is not None
 
     def _looked_at(self, iterate: Iterate) -> bool:
-        """Return True if a motion is an answer between samples too; add samples where it fails."""
+        """Return True if a motion is valid between samples too; add samples at failures."""
         dense, _ = self._program.constraints.add_samples_between(iterate)
         if dense.excess > MERIT_TOLERANCE:
             return False

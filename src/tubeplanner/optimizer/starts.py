@@ -20,10 +20,10 @@ from tubeplanner.trajectory.polynomials import REST_POINTS, fitted_control_point
 
 # ---- First splines along the reference branch, and splines on other knots.
 
-# Fewest knot intervals of a phase, if there are several: as many as give this sum, at most so many.
+# Fewest knot intervals of several phases: _MIN_IN_ALL in sum, at most _FEWEST in each phase.
 _MIN_IN_ALL, _FEWEST = 12, 3
 _FIT_POINTS_PER_INTERVAL = 5
-# Numbers of intervals for chains, in turn, until the tool is less than so many radii outside.
+# Numbers of intervals for chains, in turn, until the tool is fewer radii outside than _ENOUGH.
 _INTERVALS, _ENOUGH = (12, 16, 24, 32, 48, 64, 96, 128), 0.5
 _FIT_SAMPLES = np.arange(3) / 3
 # Control points that the fit does not determine are pulled to the joint line by this weight.
@@ -188,7 +188,7 @@ class RefinedMotion:
     spline: PhasedSpline
 
     def suited(self, changed: PlanningProblem) -> PlanningProblem | None:
-        """Return a changed problem, or the smoother one inside its tube, if the motion suits it.
+        """Return the changed problem (or its smoother variant) if the motion suits the problem.
 
         The motion suits a problem with the same joints, and phases of the same segments; else None.
         """

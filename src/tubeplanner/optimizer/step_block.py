@@ -329,12 +329,12 @@ class JointBlocks:
 
     @cached_property
     def _is_one_alone(self) -> bool:
-        """True if one leg alone has the program's variables in their order."""
+        """True if a single leg has the program's variables in their order."""
         return np.array_equal(self.columns[0], np.arange(self.size))
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of the variables; a shared variable has those of both legs."""
+        """Lower and upper bounds of the variables; both legs bound a shared variable."""
         if self._is_one_alone:
             return self.blocks[0].lower, self.blocks[0].upper
         lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)

@@ -83,7 +83,7 @@ class StepCost:
         return Quadratic(hessian, gradient)
 
     def squared_rates(self, spline: PhasedSpline, step: FloatArray, switching: FloatArray) -> float:
-        """Return the integral of the squared rates of a step, run in one second.
+        """Return the integral of the squared rates of a step, run in 1 s.
 
         About: knots count as evenly spaced, and so does the motion where phases change widths.
 
@@ -180,11 +180,11 @@ class ShortestDuration:
         return regularization
 
     def predicted_gain(self, current: Iterate, step: Step) -> float:
-        """Return the predicted reduction of T^2, as a fraction of it."""
+        """Return the predicted reduction of T^2, as a fraction of T^2."""
         return -step.duration
 
     def gain(self, current: Iterate, trial: Iterate) -> float:
-        """Return the reduction of T^2 by a trial, as a fraction of it."""
+        """Return the reduction of T^2 by a trial, as a fraction of T^2."""
         return 1 - trial.squared_duration / current.squared_duration
 
     def after(self, step: Step) -> None:
@@ -255,7 +255,7 @@ class IntervalBlocks:
 # The measures' logarithms are added, so that scales do not matter.
 
 _NOTHING = 1e-12  # beside measures that may vanish
-# First and least weight of the sum of logarithms, in shares of T^2: halved while steps would make
+# First and least weight of the sum of logarithms, in fractions of T^2: halved if steps would make
 # the motion longer than the given duration.
 _FIRST_WORTH, _MIN_WORTH = 5e-3, 5e-4
 _LONGER = 1e-4

@@ -22,7 +22,7 @@ from tubeplanner.optimizer.step_block import (
 #
 # It minimises the sum over legs of duration * eta + penalty * elastic + gradient . z + x . hessian
 # . x / 2 under the rows, z being a leg's configurations and switching times, and x its variables:
-# z, eta, elastic. Legs may share variables.
+# z, eta, elastic. Legs may have common variables.
 
 
 class StepProgram(Protocol):
@@ -33,7 +33,7 @@ class StepProgram(Protocol):
         ...
 
     def join(self, blocks: Sequence[Block]) -> None:
-        """Add the new rows of blocks, behind the old ones, with their slack."""
+        """Append the new rows of blocks, with their slack."""
         ...
 
     def correct(self, blocks: Sequence[Block]) -> None:
@@ -183,7 +183,7 @@ def _flattened(
     own -= own @ directions.T @ directions
     own[columns] -= directions.T @ (directions @ own[columns])
     first, second = np.nonzero(own)
-    others = index[first] < 0  # coupling with other variables stands on both sides
+    others = index[first] < 0  # coupling with other variables is on both sides
     rest = (row < 0) & (column < 0)
     return SymmetricEntries(
         np.concatenate([entries.row[rest], first, columns[second][others]]),
@@ -288,7 +288,7 @@ class NativeProgram:
         _call(_set_slack)(self._handle, slack)
 
     def solve(self, tolerance: float) -> tuple[FloatArray, FloatArray] | None:
-        """Return x (V,) and the rows' multipliers (R,), or None if it does not converge.
+        """Return x (V,) and the rows' multipliers (R,), or None without convergence.
 
         Args:
             tolerance: Of the gradient, the rows and the cost, absolute.

@@ -26,7 +26,7 @@ _JOINED, _FEWEST = (5, 2), 14
 _FIRST_TRUST, _LATER_TRUST = 0.2, 0.02  # in units of the trust region
 _GAIN = 5e-4
 _FIRST_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 30, 4, 3
-# Each leg is refined once more, which mends violations of so many merit tolerances.
+# Each leg is refined once more, which mends violations of this number of merit tolerances.
 _INSIDE = 2.0
 
 

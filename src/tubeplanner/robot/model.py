@@ -429,7 +429,7 @@ class RobotModel:
 
     @cached_property
     def body_rules(self) -> tuple[FloatArray, FloatArray]:
-        """Multiplier and offset of each body's joint, each (bodies,); 1 and 0 unless it follows."""
+        """Multiplier and offset of each body's joint, each (bodies,); 1 and 0 without a master."""
         joints = self._joints
         return np.append(1.0, joints.multiplier), np.append(0.0, joints.offset)
 

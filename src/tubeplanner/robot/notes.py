@@ -280,7 +280,7 @@ BOUNDS = {
         f"a decimal point, or {_METRES}: correct the <origin> of <inertial>",
     ),
 }
-_MIN_REACH = 0.1  # [m]: what stands around a smaller arm is larger by more
+_MIN_REACH = 0.1  # [m]: solids around a smaller arm are larger by more
 # A lighter link, and a radius of gyration below 1 mm [kg, m]: a placeholder of no consequence.
 _MIN_MASS, _MIN_GYRATION = 1e-3, 1e-3
 # Of principal moments: relative to the largest; half of the last digit as written [kg m^2].
@@ -301,7 +301,7 @@ class Extent:
     """The extent of a solid.
 
     Attributes:
-        body: Index of the robot's body that carries it; 0 stands still.
+        body: Index of the robot's body that carries it; 0 is fixed.
         box: Least and largest coordinates in the body's frame, shape (2, 3) [m].
     """
 
@@ -397,7 +397,7 @@ def _xyz(element: Element) -> FloatArray:
 def _values_of_solids(
     robot: RobotModel, extents: Mapping[str, Extent], reach: float
 ) -> Iterator[Value]:
-    """Yield sizes and distances, in the arm's reach [m]; what stands may be large and flat."""
+    """Yield sizes and distances in units of the reach [m]; fixed solids may be large and flat."""
     points = {"tool centre point": robot.tool_reach}
     if robot.payload is not None:
         points["centre of mass of the payload"] = float(np.linalg.norm(robot.payload.com))

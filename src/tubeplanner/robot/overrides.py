@@ -145,7 +145,7 @@ class LimitOverrides:
             )
 
     def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:
-        """Return the limits of one quantity by joint name.
+        """Return the limits of a quantity by joint name.
 
         Args:
             quantity: An entry of `PER_JOINT`.
@@ -219,7 +219,7 @@ class MotorOverrides:
             )
 
     def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:
-        """Return the values of one of `MOTOR_QUANTITIES`, as `LimitOverrides.by_name`."""
+        """Return the values of a motor quantity, as `LimitOverrides.by_name`."""
         return values_by_name(where, getattr(self, quantity), chain)
 
 

@@ -326,7 +326,7 @@ def _require_unique(path: Path, kind: str, names: list[str]) -> None:
 
 
 def _require_tree(path: Path, links: list[str], joints: list[UrdfJoint]) -> None:
-    """Raise unless the links form a tree: known ends, a single parent each, one root, no loop."""
+    """Raise unless the links form a tree: known ends, single parents, a single root, no loop."""
     parents: dict[str, str] = {}
     for joint in joints:
         for end in (joint.parent, joint.child):

@@ -150,12 +150,12 @@ def read_version(where: str, robot: Element) -> str:
 
 
 def replace_quaternions(where: str, robot: Element, version: str) -> bool:
-    """Replace quat_xyzw in the <origin> of links and joints by rpy; return True if there was one.
+    """Replace quat_xyzw in the <origin> of links and joints by rpy; return True if replaced.
 
     A quaternion of any length counts, as for urdfdom.
 
     Raises:
-        RobotError: A quaternion is malformed or stands beside rpy, or the version knows none and
+        RobotError: A quaternion is malformed or is beside rpy, or the version knows none and
             the rotation would be another without it.
     """
     origins: list[tuple[str, Element]] = []
@@ -309,7 +309,7 @@ _DEFINED: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "dynamics": (("damping", "friction"), ()),
     _SOFT: (("k_position", "k_velocity", "soft_lower_limit", "soft_upper_limit"), ()),
 }
-# Whatever else stands in them would move a frame or a joint.
+# Any other content of them would move a frame or a joint.
 _CLOSED = ("origin", "axis", "mimic")
 _MISSPELT = 0.75  # least similarity of a misspelt name, from 0 to 1
 _MAX_OWNERS = 3  # links or joints named with a tag
@@ -374,7 +374,7 @@ def _undefined(where: str, element: Element, is_root: bool = False) -> Iterator[
 
 
 def _require_intended(what: str, name: str, known: Sequence[str]) -> None:
-    """Raise RobotError if an unknown name is all but a known one."""
+    """Raise RobotError if an unknown name nearly equals a known name."""
     close = difflib.get_close_matches(name.lower(), known, n=1, cutoff=_MISSPELT)
     if close:
         raise RobotError(f"{what}; did you mean '{close[0]}'?")

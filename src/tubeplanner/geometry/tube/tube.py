@@ -496,7 +496,7 @@ def joined_segments(tube: Tube) -> Tube:
 
 
 def _are_one(tube: Tube, first: int, last: int) -> bool:
-    """Return True if a segment can be joined with those from `first` on, which can be joined.
+    """Return True if a segment can be joined with the joinable segments from `first` on.
 
     They are on one line, and turn at the same rate about the same axis.
     """
