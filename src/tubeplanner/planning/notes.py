@@ -133,7 +133,8 @@ def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTra
     if objective.minimise == SMOOTHNESS:
         done = "smoothed"
         jerks = [largest_jerk(robot, trajectory)[1] for trajectory in (after, before)]
-        gain = f"largest jerk {jerks[0]} instead of {jerks[1]}"
+        gain = f"largest jerk {jerks[0]}"
+        gain += "" if jerks[0] == jerks[1] else f" instead of {jerks[1]}"
         if effort_variation(robot, before, before).any():  # none: the links have no masses
             swings = []
             for trajectory in (after, before):
