@@ -64,7 +64,7 @@ def plan(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Plan PROBLEM or a cycle, certify the trajectory, and write the requested files.
+    """Plan PROBLEM, or a cycle, certify the trajectory, and write the requested files.
 
     No file is written unless the certificate passes.
     """
