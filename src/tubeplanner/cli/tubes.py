@@ -107,7 +107,7 @@ def route(
 @click.option("--urdf", help="Robot description: a path, package://PKG/... or example:NAME.")
 @click.option("--tool-frame", help="Link that carries the tool.")
 @click.option("--obstacles", type=console.PATH, help="File with obstacles, as in a problem file.")
-@click.option("--problem", "template", help="Problem file with robot, limits and obstacles.")
+@click.option("--problem", "template", help="Problem file: all but tube, start, goal.")
 @_OUTPUT
 @click.option(
     "--deviation",

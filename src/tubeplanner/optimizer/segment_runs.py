@@ -20,13 +20,15 @@ from tubeplanner.task.problem import PlanningProblem
 
 # ---- The tube segments of a phase: one, or a chain of short ones that turn little.
 
-# Largest sharpness of corners in a chain, in radii: the sag of the path there over one spacing of
+# Largest sharpness of corners in a run, in radii: the sag of the path there over one spacing of
 # about this number of samples.
 _SAMPLES = 200
 _KINK = 0.02
-# Up to this number of corners all end a phase; of more, only the sharpest of this number.
+# Up to this number of corners all end a phase; of more corners, the sharper ones do, at most as
+# many.
 _MANY_CORNERS, _SHARP_KINK, _MAX_SHARP = 12, 0.1, 100
-# A turn counts as far as the path turns over these radii on both sides: noise turns back at once.
+# A turn counts as far as the path turns over this number of radii on both sides: noise turns back
+# at once.
 _WINDOW = 3.0
 
 
@@ -129,9 +131,9 @@ def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
 # near itself, and a closed path begins in its first segment and ends in its last. Nor may it leave
 # segments out, though samples do not show that: each of them may be near another segment.
 
-# The tool takes a short cut between two samples if it leaves out these radii more of the path
-# than it moves. Omitted segments count from these radii away, if they are farther than the
-# samples' own, by this factor: so the program sees them before the tool has left them.
+# The tool takes a short cut between two samples if it leaves out this number of radii more of the
+# path than it moves. Omitted segments count from this number of radii away, if they are farther
+# than the samples' own, by this factor: so the program sees them before the tool has left them.
 _SHORT_CUT, _FAR, _FARTHER = 0.5, 0.3, 1.1
 _NO_SQUARE = 1e-30  # [m^2]
 # Least distance of requested segments, in radii.

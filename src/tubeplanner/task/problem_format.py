@@ -347,7 +347,7 @@ class RobustnessFields(Section):
     )
     unmodelled_friction: Finite = Field(
         Robustness.unmodelled_friction,
-        description="viscous, share of the effort limit at the velocity limit, uniform from zero",
+        description="viscous, fraction of the effort limit at full speed, uniform from zero",
     )
     lag: Finite = Field(Robustness.lag, description="time constant of the motors, from zero [s]")
     delay: Finite = Field(Robustness.delay, description="from measurement to effort, from zero [s]")
