@@ -313,7 +313,7 @@ class ObjectiveFields(Section):
 
     slack: Finite | None = Field(
         None,
-        description="share of the shortest duration that it may take more; 0: the shortest; left "
+        description="fraction of the shortest duration that it may take more; 0: the shortest; "
         "out: 0.005, unless a duration is given",
     )
     duration: Finite | None = Field(
