@@ -314,7 +314,7 @@ class ObjectiveFields(Section):
     slack: Finite | None = Field(
         None,
         description="fraction of the shortest duration that it may take more; 0: the shortest; "
-        "out: 0.005, unless a duration is given",
+        "left out: 0.005, unless a duration is given",
     )
     duration: Finite | None = Field(
         None, description="how long it takes [s], in place of a slack; left out: as that says"
