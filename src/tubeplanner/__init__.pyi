@@ -70,8 +70,8 @@ from .task.steps import Detach as Detach
 from .planning.cycle_strategy import plan_cycle as plan_cycle
 from .planning.cycle_result import CycleResult as CycleResult  # returned
 from .planning.cycle_result import CycleSensitivity as CycleSensitivity  # returned
-from .task.cycle_motion import CycleMotion as CycleMotion
-from .task.cycle_motion import read_cycle_motion as read_cycle_motion
+from .task.motion import CycleMotion as CycleMotion
+from .task.motion import read_cycle_motion as read_cycle_motion
 from .output.files.trajectory_writer import write_cycle_motion as write_cycle_motion
 from .trajectory.parts import Mark as Mark
 from .certificate.cycle_verification import verify_cycle as verify_cycle

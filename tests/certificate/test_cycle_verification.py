@@ -26,7 +26,7 @@ from tubeplanner import (
     load_robot,
     verify_cycle,
 )
-from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.task.motion import LegMotion, cycle_motion
 
 GRAVITY = (0.0, -9.81, 0.0)
 CYCLE = pick_and_place()

@@ -9,7 +9,7 @@ from shown_cycle import data_of
 
 from tubeplanner.output.files.trajectory_writer import TrajectoryFiles, cycle_contents
 from tubeplanner.task.cycle_file import load_cycle
-from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.task.motion import LegMotion, cycle_motion
 
 START, END = [0.0, 0.0, 0.0], [0.4, 0.1, 0.2]
 SLOW, FAST = 1.5, 0.1  # [s] of a move; motors can do the first

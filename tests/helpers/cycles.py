@@ -17,7 +17,7 @@ from tubeplanner import (
     load_robot,
     placement_of,
 )
-from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.task.motion import LegMotion, cycle_motion
 
 HOME, PICK, PLACE = np.array([0.1, 0.6]), np.array([0.7, 0.9]), np.array([-0.5, 0.7])
 # A ball under the hand where it picks, farther from its links than contacts are.

@@ -15,7 +15,7 @@ from tubeplanner import Tube, load_robot
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.task.motion import LegMotion, cycle_motion
 from tubeplanner.task.steps import Attach, Detach, Event, Move
 
 START, TAKEN, LEFT = np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.2], [-0.3, 0.2, 0.1]])

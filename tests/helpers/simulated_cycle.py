@@ -12,8 +12,8 @@ from tubeplanner.execution.simulation import AFTERWARDS, Execution, cycle_stages
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.task.demands import Robustness
+from tubeplanner.task.motion import LegMotion, cycle_motion
 from tubeplanner.task.steps import Attach, Detach, Event, Move
 
 LEVER = 0.3  # [m]

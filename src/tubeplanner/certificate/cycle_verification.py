@@ -21,8 +21,8 @@ from tubeplanner.errors import FormerName, ProblemError, TrajectoryError, shown
 from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.legs import Stop
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.steps import Event
 from tubeplanner.trajectory.parts import part_of
 

@@ -26,8 +26,8 @@ from tubeplanner.output.controllers.verdict import ControllerVerdict
 from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_file, unit_guesses
 from tubeplanner.robot.notes import robot_notes, unlimited_notes
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import motion_of_file, move_rows
 from tubeplanner.task.info import cycle_doubts, problem_doubts
+from tubeplanner.task.motion import motion_of_file, move_rows
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 

@@ -19,9 +19,9 @@ from tubeplanner.limits.peaks import TrajectoryPeaks, trajectory_peaks
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.info import cycle_doubts, problem_doubts
 from tubeplanner.task.legs import Leg, Stop, stop_text
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.side_files import fitting_presets
 from tubeplanner.text import savings

@@ -22,8 +22,8 @@ from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_fi
 from tubeplanner.output.page.cycle_page import view_cycle
 from tubeplanner.output.page.viewer import View, view
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import motion_of_file
 from tubeplanner.task.demands import Robustness
+from tubeplanner.task.motion import motion_of_file
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 from tubeplanner.writing import require_writable

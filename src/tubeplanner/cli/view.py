@@ -21,7 +21,7 @@ from tubeplanner.output.page.cycle_page import view_cycle
 from tubeplanner.output.page.viewer import View, names_of_files
 from tubeplanner.output.page.viewer import view as view_problem
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import motion_of_file
+from tubeplanner.task.motion import motion_of_file
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import read_trajectory_file
 from tubeplanner.writing import require_writable, write_files

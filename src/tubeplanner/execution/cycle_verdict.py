@@ -12,9 +12,9 @@ from tubeplanner.execution.excursions import Extreme
 from tubeplanner.execution.plants import first_instant, last_instant
 from tubeplanner.execution.run_verdict import JudgedRun, judged_runs
 from tubeplanner.execution.simulation import Execution
-from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.demands import Robustness
 from tubeplanner.task.legs import Leg
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory

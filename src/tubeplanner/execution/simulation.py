@@ -29,8 +29,8 @@ from tubeplanner.execution.tracking import (
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.demands import COMPUTED_TORQUE, Robustness
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach, Detach
 from tubeplanner.text import short_repr

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.errors import ProblemError
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.binding_limits import (
     ClosestPairs,
@@ -28,8 +27,8 @@ from tubeplanner.limits.tube_membership import current_segments, tube_use
 from tubeplanner.output.drawing import segment_color
 from tubeplanner.robot.model import RobotModel, effort_rate
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.legs import step_text
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Move
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
@@ -294,15 +293,9 @@ def limited_motions(cycle: Cycle, motion: CycleMotion) -> list[LimitedMotion]:
 
 def cycle_sections(cycle: Cycle, motion: CycleMotion) -> tuple[MotionSection, ...]:
     """Return the legs of a motion, each under its problem."""
-    # Problems are those under the judge, by which the segment at each time is decided.
-    sections = []
-    for k, (leg, (begin, _)) in enumerate(zip(motion.legs, motion.leg_times, strict=True)):
-        try:
-            problem = cycle.problem(k, motion.junctions[: k + 1])
-        except ProblemError:  # where the leg begins there is no solution: it fails, but is drawn
-            problem = cycle.problem_from_anywhere(k)
-        sections.append(MotionSection(problem, leg, begin))
-    return tuple(sections)
+    return tuple(
+        MotionSection(each.problem, each.trajectory, each.begin) for each in motion.sections
+    )
 
 
 def _stop_curves(

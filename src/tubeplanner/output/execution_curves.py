@@ -8,7 +8,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.execution.cycle_verdict import executed_legs
 from tubeplanner.execution.excursions import additional_distances, obstacle_distances, tube_margins
 from tubeplanner.execution.simulation import Execution
-from tubeplanner.task.cycle_motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 

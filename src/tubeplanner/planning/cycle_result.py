@@ -11,7 +11,7 @@ from tubeplanner.native.library import LIBRARY
 from tubeplanner.outcome import Location, PlanStatus, StoppedBy
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion, move_rows
+from tubeplanner.task.motion import CycleMotion, move_rows
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import in_milliseconds
 

@@ -27,10 +27,10 @@ from tubeplanner.planning.second_stage import followed_plan
 from tubeplanner.planning.strategy import require_supported
 from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.task.demands import SMOOTHNESS, Objective
 from tubeplanner.task.info import cycle_doubts
 from tubeplanner.task.legs import Leg
+from tubeplanner.task.motion import LegMotion, cycle_motion
 
 _SAMPLES = 200
 

@@ -25,7 +25,7 @@ from tubeplanner import (
 from tubeplanner.output.curves import cycle_curves, segments_per_group, size_of, trajectory_curves
 from tubeplanner.output.figures.panels import draw_jerks, draw_speed, draw_tube_use, draw_velocities
 from tubeplanner.output.figures.trajectory_figures import plot_cycle, shown_name
-from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.task.motion import LegMotion, cycle_motion
 from tubeplanner.task.steps import Event
 
 

@@ -35,7 +35,7 @@ from tubeplanner.output.figures.figure_files import new_figure, saved
 from tubeplanner.output.figures.panels import LIMIT, mark_segments
 from tubeplanner.output.figures.trajectory_figures import mark_moves, name_steps
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.task.cycle_motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 

@@ -31,7 +31,7 @@ from tubeplanner.output.figures.panels import (
 from tubeplanner.output.figures.space_panel import SpaceContent, draw_space
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory

@@ -21,7 +21,7 @@ from tubeplanner.output.files.fingerprint import (
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import locked_value
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.reader import TrajectoryFile

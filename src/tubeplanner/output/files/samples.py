@@ -21,8 +21,8 @@ from tubeplanner.certificate.verification import verify
 from tubeplanner.limits.motor_costs import motor_effort
 from tubeplanner.limits.time_scaling import minimum_duration
 from tubeplanner.outcome import Infeasible
-from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.legs import Stop
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Event
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples, averaged

@@ -18,8 +18,8 @@ from tubeplanner.errors import OptionError, OutputError, shown
 from tubeplanner.limits.motor_costs import motor_effort
 from tubeplanner.output.files.fingerprint import cycle_hash, cycle_part_hashes, origin, robot_hash
 from tubeplanner.output.files.samples import CycleSamples, cycle_samples, samples_for_export
-from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.legs import stop_text
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import FORMULA_BEGINS
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples

@@ -58,7 +58,7 @@ from tubeplanner.output.page.verdict import with_verdict
 from tubeplanner.output.page.viewer import View, require_names
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.steps import Attach, Detach, Move
 from tubeplanner.text import LimitCost
 from tubeplanner.trajectory.parts import Mark

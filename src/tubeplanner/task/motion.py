@@ -1,21 +1,75 @@
-"""CycleMotion: one trajectory with marks, planned or read from a file."""
+"""Motion of a problem or a cycle: a trajectory, its sections and marks, planned or read."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, TypeAlias, overload
 
-from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import FormerName, TrajectoryError
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.errors import FormerName, ProblemError, TrajectoryError
+from tubeplanner.outcome import Location
 from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.legs import Leg
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory
 from tubeplanner.trajectory.parts import ATTACH, DETACH, EVENT, MOVE, Mark, joined, part_of, resting
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 
 _KINDS = {Move: MOVE, Event: EVENT, Attach: ATTACH, Detach: DETACH}
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSection:
+    """A section of a motion under one problem: the motion of a problem, or a leg of a cycle.
+
+    Attributes:
+        problem: The problem.
+        trajectory: Of the problem's joints, in their order, from time zero.
+        begin: In the whole motion [s].
+        leg: The leg of the cycle; None: the problem is the whole task.
+    """
+
+    problem: PlanningProblem
+    trajectory: JointTrajectory
+    begin: float = 0.0
+    leg: Leg | None = None
+
+    def inside(self, time: FloatArray) -> IntArray:
+        """Return the indices of the times (K,) [s] of the whole motion that are in the section."""
+        late = time > self.begin + self.trajectory.duration * (1 + 1e-12)
+        return np.flatnonzero((time >= self.begin) & ~late)
+
+    def in_motion(self, where: Location) -> Location:
+        """Return a place in the section as a place in the whole motion, with its move."""
+        return where if self.leg is None else self.leg.in_cycle(where, self.begin)
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemMotion:
+    """Motion of a problem: one section, no steps.
+
+    Attributes:
+        task: The problem.
+        trajectory: Of the problem's joints, in any order; kept in the problem's.
+    """
+
+    task: PlanningProblem
+    trajectory: JointTrajectory
+    marks: ClassVar[tuple[Mark, ...]] = ()
+
+    def __post_init__(self) -> None:
+        reordered = self.trajectory.reordered(self.task.robot.joint_names)
+        object.__setattr__(self, "trajectory", reordered)
+
+    @cached_property
+    def sections(self) -> tuple[MotionSection, ...]:
+        """The whole motion."""
+        return (MotionSection(self.task, self.trajectory),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +164,33 @@ class CycleMotion:
         """Trajectories of the legs, each from time zero."""
         return [part_of(self.trajectory, *times) for times in self.leg_times]
 
+    @property
+    def task(self) -> Cycle:
+        """The cycle."""
+        return self.cycle
+
+    @cached_property
+    def sections(self) -> tuple[MotionSection, ...]:
+        """The legs, each under its problem."""
+        # Problems are those under the judge, by which the segment at each time is decided.
+        sections = []
+        for k, (leg, trajectory) in enumerate(zip(self.cycle.legs, self.legs, strict=True)):
+            try:
+                problem = self.cycle.problem(k, self.junctions[: k + 1])
+            except ProblemError:  # the leg begins where there is no solution: it fails, but counts
+                problem = self.cycle.problem_from_anywhere(k)
+            sections.append(MotionSection(problem, trajectory, self.leg_times[k][0], leg))
+        return tuple(sections)
+
     def leg_at(self, time: float) -> int:
         """Return the index of the last leg that has begun at a time [s]; 0 before the first."""
         begun = [k for k, (begin, _) in enumerate(self.leg_times) if begin <= time]
         return begun[-1] if begun else 0
+
+
+# What is planned, and its motion: with `trajectory`, `sections`, `marks` and `task`.
+Task: TypeAlias = PlanningProblem | Cycle
+Motion: TypeAlias = ProblemMotion | CycleMotion
 
 
 def cycle_motion(cycle: Cycle, legs: Sequence[LegMotion]) -> CycleMotion:
@@ -195,23 +272,33 @@ def read_cycle_motion(path: str | Path, cycle: Cycle) -> CycleMotion:
     return motion_of_file(cycle, Path(path), file)
 
 
-def motion_of_file(cycle: Cycle, path: Path, file: TrajectoryFile) -> CycleMotion:
-    """Return the motion of a cycle from the content of a trajectory file.
+@overload
+def motion_of_file(task: PlanningProblem, path: Path, file: TrajectoryFile) -> ProblemMotion: ...
+
+
+@overload
+def motion_of_file(task: Cycle, path: Path, file: TrajectoryFile) -> CycleMotion: ...
+
+
+def motion_of_file(task: Task, path: Path, file: TrajectoryFile) -> Motion:
+    """Return the motion of a problem or a cycle from the content of a trajectory file.
 
     Args:
-        cycle: The cycle.
+        task: The problem or the cycle.
         path: The file; messages name it.
         file: Content of the file.
 
     Raises:
-        TrajectoryError: The file has no marks, marks of other steps, or other joints.
+        TrajectoryError: The file has other joints; of a cycle, no marks, or those of other steps.
     """
+    if isinstance(task, PlanningProblem):
+        return ProblemMotion(task, file.trajectory)
     if not file.marks:
         raise TrajectoryError(
             f"{path} has no marks, which say when the moves of a cycle begin and what the tool "
             "takes and lets go; CSV and ROS files have none: give the JSON that plan -o writes"
         )
     try:
-        return CycleMotion(cycle, file.trajectory, file.marks)
+        return CycleMotion(task, file.trajectory, file.marks)
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from None

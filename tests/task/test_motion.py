@@ -18,7 +18,7 @@ from tubeplanner import (
     read_cycle_motion,
     write_cycle_motion,
 )
-from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.task.motion import LegMotion, cycle_motion
 
 CYCLE = pick_and_place()
 MOTION = slow_motion(CYCLE)
