@@ -161,23 +161,17 @@ def no_samples():
 
 
 def no_rows_of_splines():
-    from tubeplanner.optimizer import phased_spline as spline_basis
-    from tubeplanner.optimizer import sampled_spline as spline_rows
+    from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline, Samples, sampled
+    from tubeplanner.optimizer.rows import StepSize, plane_rows
 
-    positions = (np.zeros(0, int), np.zeros(0), np.zeros(0, int))
-    knots = (np.array([0, 1]), np.array([0.0, 0.0]))
-    times = np.array([0.0, 1.0])
-    weights = spline_basis.cubic_weights(times, knots, positions)
-    control = np.zeros((4, 1))
-    changes, moved = spline_basis.cubic_by_switching(times, knots, positions, control, 0)
-    spline_basis.cubic_values(weights, np.zeros(0, int), control)
-    spline = spline_rows.SplineChange(weights, changes, moved)
-    rows = spline_rows.chained_rows(spline, {0: np.zeros((0, 1))}, *(np.zeros(0, int),) * 2)
-    size = (0.1, 0.1, np.zeros(0))
-    spline_rows.near_rows(spline, {0: np.zeros((0, 1, 1))}, np.zeros((1, 0, 1)), (1.0,), size)
-    spline_rows.row_reach(*rows, (0.1, np.zeros(0)))
-    step = (np.zeros((4, 1)), np.zeros(0), 0.0)
-    spline_rows.used_by_step(np.zeros(0, int), (*rows, np.zeros(0)), step)
+    grid, times = KnotGrid((np.array([0.0, 1.0]),)), np.array([0.0, 1.0])
+    none = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
+    at = sampled(PhasedSpline(grid, times, np.zeros((4, 1))), none)
+    at.chained({0: np.zeros((0, 1, 1))})
+    size = StepSize(0.1, np.zeros(0))
+    rows = plane_rows(at, np.zeros((0, 1, 1)), np.zeros((0, 1)), np.zeros(0, int), size)
+    rows.reach(size)
+    rows.used_by_step(np.zeros((4, 1)), np.zeros(0), 0.0)
 
 
 def measure_pairs(count):

@@ -10,10 +10,12 @@ from tubeplanner.optimizer.phased_spline import (
     DEGREE,
     KnotGrid,
     PhasedSpline,
+    SampledSpline,
     VelocityHull,
+    _basis,
+    sampled,
     segments_of_pieces,
 )
-from tubeplanner.optimizer.sampled_spline import SampledSpline, _basis, sampled
 from tubeplanner.optimizer.starts import knot_grid, subdivided
 
 NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
@@ -32,13 +34,7 @@ POINTS = [
 def sampled_anew(points) -> SampledSpline:
     control = np.random.default_rng(3).normal(size=(GRID.control_point_count, 7))
     _basis.cache_clear()
-    spline = PhasedSpline(GRID, TIMES, control)
-    basis = _basis(GRID, points, TIMES.tobytes())
-    values = spline_basis.cubic_values(basis, points.first, control)
-    if values is None:
-        near = control[points.first[:, None] + np.arange(4)]
-        values = np.einsum("onr,onrj->onj", basis, np.broadcast_to(near, (*basis.shape, 7)))
-    return SampledSpline(spline, points, basis, values)
+    return sampled(PhasedSpline(GRID, TIMES, control), points)
 
 
 @NEEDS_LIBRARY
@@ -54,11 +50,11 @@ def test_values_and_changes_agree_to_rounding(points, monkeypatch):
 
     at, compiled = parts()
     if points is POINTS[0]:
-        number = np.arange(len(at.changes.by_switching))[:, None]
-        first, stop = at.changes.switching_range.T
+        number = np.arange(len(at.by_switching))[:, None]
+        first, stop = at.switching_range.T
         outside = (number < first) | (number >= stop)
         assert outside.any()
-        assert not at.changes.by_switching.transpose(0, 2, 1, 3)[outside].any()
+        assert not at.by_switching.transpose(0, 2, 1, 3)[outside].any()
     for name in ("_weights", "_by_switching", "_values"):
         monkeypatch.setattr(spline_basis, name, None)
     for ours, numpys in zip(compiled, parts()[1], strict=True):

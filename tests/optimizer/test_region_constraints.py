@@ -10,7 +10,7 @@ from tubeplanner import GoalRegion, Tube
 from tubeplanner.geometry.tube.regions import Capsules
 from tubeplanner.limits.path_samples import PathSamples
 from tubeplanner.optimizer.control_variables import FIXED, ControlVariables
-from tubeplanner.optimizer.phased_spline import PhasedSpline
+from tubeplanner.optimizer.phased_spline import PhasedSpline, sampled
 from tubeplanner.optimizer.region_constraints import (
     EvaluatedRegions,
     EvaluatedRotation,
@@ -20,7 +20,6 @@ from tubeplanner.optimizer.region_constraints import (
     evaluated_tube,
     goal_keys,
 )
-from tubeplanner.optimizer.sampled_spline import sampled
 from tubeplanner.optimizer.segment_runs import OrderedSegments
 from tubeplanner.optimizer.sequential_program import SequentialProgram
 

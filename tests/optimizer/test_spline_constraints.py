@@ -12,14 +12,13 @@ from tubeplanner.limits.path_samples import CoulombFriction, PathSamples, blende
 from tubeplanner.limits.speed_limits import speed_limits
 from tubeplanner.limits.time_scaling import minimum_duration, scaling_factor
 from tubeplanner.optimizer.link_constraints import LinkConstraints
-from tubeplanner.optimizer.phased_spline import PhasedSpline, VelocityHull
+from tubeplanner.optimizer.phased_spline import PhasedSpline, VelocityHull, sampled
 from tubeplanner.optimizer.region_constraints import (
     EvaluatedRotation,
     evaluated_rotation,
     goal_keys,
 )
 from tubeplanner.optimizer.rows import EvaluatedSpeedLimit, StepSize
-from tubeplanner.optimizer.sampled_spline import sampled
 from tubeplanner.optimizer.segment_runs import OrderedSegments
 from tubeplanner.optimizer.spline_constraints import BLENDED, WIDELY_BLENDED
 from tubeplanner.optimizer.stages import SecondStage

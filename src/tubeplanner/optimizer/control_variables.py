@@ -8,9 +8,8 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.limits.rates import approachable_range
-from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid
+from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, SampledSpline
 from tubeplanner.optimizer.rows import INNER_MARGIN
-from tubeplanner.optimizer.sampled_spline import SampledSpline
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.polynomials import REST_POINTS
 

@@ -14,7 +14,7 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.optimizer.control_variables import ControlVariables, LegShape
 from tubeplanner.optimizer.region_constraints import Planes
-from tubeplanner.optimizer.rows import Rows, used_by_step
+from tubeplanner.optimizer.rows import Rows
 from tubeplanner.optimizer.spline_constraints import Iterate
 from tubeplanner.optimizer.step_block import Block, Bounds, Quadratic, SparseRows, Step, sparse_rows
 
@@ -217,7 +217,7 @@ class Linearization:
         """Return the slack of all rows after a step, to first order."""
         rows = self._rows
         change = self._variables.change(step.control)
-        used = used_by_step(rows, change, step.switching, step.duration)
+        used = rows.used_by_step(change, step.switching, step.duration)
         slack: FloatArray = rows.slack - used + self._is_elastic * step.elastic
         return slack
 

@@ -11,7 +11,14 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.geometry.body_shapes import near_distances
 from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.distances import ClosestPoints
-from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline, Samples, segments_of_pieces
+from tubeplanner.optimizer.phased_spline import (
+    KnotGrid,
+    PhasedSpline,
+    SampledSpline,
+    Samples,
+    sampled,
+    segments_of_pieces,
+)
 from tubeplanner.optimizer.rows import (
     INNER_MARGIN,
     MERIT_TOLERANCE,
@@ -20,7 +27,6 @@ from tubeplanner.optimizer.rows import (
     StepSize,
     plane_rows,
 )
-from tubeplanner.optimizer.sampled_spline import SampledSpline, sampled
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import NearEnd, RequiredDistances, in_contact

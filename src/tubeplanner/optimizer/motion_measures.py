@@ -14,8 +14,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.limits.joint_efforts import JointEffort
 from tubeplanner.limits.motor_costs import EffortCosts
 from tubeplanner.limits.rates import JointRate
-from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline, Samples
-from tubeplanner.optimizer.sampled_spline import sampled
+from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline, Samples, sampled
 from tubeplanner.optimizer.spline_constraints import Iterate
 from tubeplanner.task.demands import ENERGY, SMOOTHNESS, Objective
 from tubeplanner.task.problem import PlanningProblem

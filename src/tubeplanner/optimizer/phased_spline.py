@@ -1,9 +1,10 @@
-"""PhasedSpline: cubic B-splines over phases of tube segments, native and NumPy basis."""
+"""PhasedSpline: cubic B-splines over phases of tube segments, and their values at samples."""
 
+from collections.abc import Mapping
 from ctypes import c_int64
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -11,87 +12,16 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.native.library import Doubles, Integers, native_function
 from tubeplanner.trajectory.polynomials import BSpline, basis_functions
 
-# ---- Native cubic splines: weights, derivatives by switching times, values.
-#
-# Knots are given as samples are: by phase and fraction of it, the end included. Every function
-# returns None without the native library.
-
-Knots: TypeAlias = tuple[IntArray, FloatArray]
-SamplePosition: TypeAlias = tuple[IntArray, FloatArray, IntArray]
-
+# The library takes knots as samples: by phase and fraction of it, the end included.
 _PLACES = (Doubles, c_int64, Integers, Doubles, c_int64, Integers, Doubles, Integers)
 _weights = native_function("cubic_weights", *_PLACES, Doubles)
 _by_switching = native_function(
     "cubic_by_switching", *_PLACES, c_int64, Doubles, c_int64, Doubles, Integers
 )
 _values = native_function("cubic_values", *3 * (c_int64,), Doubles, Integers, Doubles, Doubles)
-
-
-def cubic_weights(
-    switching_times: FloatArray, knots: Knots, samples: SamplePosition
-) -> FloatArray | None:
-    """Return the weights of four control points in position and derivatives, shape (4, N, 4).
-
-    Args:
-        switching_times: Ends of the phases, shape (m+1,).
-        knots: Phases and fractions of the M+1 knots, the end included.
-        samples: Phases, fractions and knot intervals of N samples.
-    """
-    if _weights is None:
-        return None
-    count = len(samples[0])
-    weights = np.empty((4, count, 4))
-    _weights(switching_times, len(knots[0]) - 1, *knots, count, *samples, weights)
-    return weights
-
-
-def cubic_by_switching(
-    switching_times: FloatArray,
-    knots: Knots,
-    samples: SamplePosition,
-    control: FloatArray,
-    switches: int,
-) -> tuple[FloatArray, IntArray] | None:
-    """Return the derivatives of positions and their derivatives by inner switching times.
-
-    Args:
-        switching_times: As for `cubic_weights`.
-        knots: As for `cubic_weights`.
-        samples: As for `cubic_weights`.
-        control: Control points, shape (K, n).
-        switches: Number G of the inner switching times.
-
-    Returns:
-        Shape (G, 4, N, n), and the range of switching times that move each sample: the first and
-        the one after the last, shape (N, 2).
-    """
-    if _by_switching is None:
-        return None
-    count, joints, control = len(samples[0]), control.shape[1], np.ascontiguousarray(control)
-    changes = np.zeros((switches, 4, count, joints))
-    ranges = np.empty((count, 2), dtype=np.int64)
-    positions = (switching_times, len(knots[0]) - 1, *knots, count, *samples)
-    _by_switching(*positions, joints, control, switches, changes, ranges)
-    return changes, ranges
-
-
-def cubic_values(weights: FloatArray, first: IntArray, control: FloatArray) -> FloatArray | None:
-    """Return the weighted sums of control points, shape (orders, N, n).
-
-    Args:
-        weights: Of four control points at each of N samples, shape (orders, N, 4).
-        first: The first of the four, shape (N,).
-        control: Control points, shape (K, n).
-    """
-    if _values is None:
-        return None
-    orders, count = weights.shape[:2]
-    control = np.ascontiguousarray(control)
-    values = np.empty((orders, count, control.shape[1]))
-    own = (np.ascontiguousarray(weights), np.ascontiguousarray(first), control)
-    _values(orders, count, control.shape[1], *own, values)
-    return values
-
+# A spline at samples, and derivatives by its position and its derivatives by x.
+CHANGES = (*4 * (c_int64,), Doubles, Doubles, Integers, *4 * (Doubles,))
+_chained = native_function("chained_rows", *CHANGES, c_int64, Integers, Integers, Doubles, Doubles)
 
 # ---- Cubic B-splines of joint positions over phases, each in one or more tube segments.
 #
@@ -126,15 +56,16 @@ class Samples:
 
     def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
         """Return the weights of four control points in position and derivatives, (4, N, 4)."""
-        weights = None
-        if not np.iscomplexobj(switching_times):
-            weights = cubic_weights(switching_times, grid.positions, self.positions)
-        return self._by_recursion(grid, switching_times) if weights is None else weights
+        if _weights is None or np.iscomplexobj(switching_times):
+            return self._by_recursion(grid, switching_times)
+        weights = np.empty((DEGREE + 1, len(self.phase), DEGREE + 1))
+        _weights(*self.places(grid, switching_times), weights)
+        return weights
 
-    @cached_property
-    def positions(self) -> SamplePosition:
-        """Phases, fractions and knot intervals, for functions of the native library."""
-        return self.phase, self.fraction, self.interval
+    def places(self, grid: "KnotGrid", switching_times: FloatArray) -> tuple[Any, ...]:
+        """Return the library's arguments for knots and samples."""
+        own = (len(self.phase), self.phase, self.fraction, self.interval)
+        return switching_times, grid.interval_count, *grid.positions, *own
 
     def and_also(self, other: "Samples") -> "Samples":
         """Return these samples and others."""
@@ -222,7 +153,7 @@ class KnotGrid:
         return np.append(begin, switching_times[-1])
 
     @cached_property
-    def positions(self) -> Knots:
+    def positions(self) -> tuple[IntArray, FloatArray]:
         """Phases and fractions of all knots, the end knots once, (M+1,) each."""
         counts = self.intervals_of_phases
         phase = np.repeat(np.arange(len(counts)), counts)
@@ -366,3 +297,136 @@ class PhasedSpline:
     def bspline(self) -> BSpline:
         """Return the spline over time x."""
         return BSpline(self.grid.knots(self.switching_times), self.control_points, DEGREE)
+
+
+# ---- A spline at samples, and its derivatives by control points and switching times.
+
+
+@dataclass(frozen=True, eq=False)
+class SampledSpline:
+    """A spline over phases at N points.
+
+    Attributes:
+        spline: The spline.
+        evaluation_points: The N points.
+        basis: Weights of the four control points that count, shape (orders, N, 4).
+        by_x: Position and derivatives by x, as many as there are weights, shape (orders, N, n).
+    """
+
+    spline: PhasedSpline
+    evaluation_points: EvaluationPoints
+    basis: FloatArray
+    by_x: FloatArray
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (N, n)."""
+        return self.by_x[0]
+
+    @property
+    def first(self) -> IntArray:
+        """The first of the four control points that count, shape (N,)."""
+        return self.evaluation_points.first
+
+    @property
+    def by_switching(self) -> FloatArray:
+        """Derivatives of `by_x` by the inner switching times, shape (m-1, orders, N, n)."""
+        return self._changes[0]
+
+    @property
+    def switching_range(self) -> IntArray | None:
+        """The first switching time that moves a sample and the one after the last, shape (N, 2).
+
+        None: all may.
+        """
+        return self._changes[1]
+
+    @cached_property
+    def _changes(self) -> tuple[FloatArray, IntArray | None]:
+        spline, points = self.spline, self.evaluation_points
+        grid, times, control = spline.grid, spline.switching_times, spline.control_points
+        switches, count, joints = grid.switch_count, len(self.first), control.shape[1]
+        if _by_switching is not None and isinstance(points, Samples):
+            by_switching = np.zeros((switches, DEGREE + 1, count, joints))
+            moved, control = np.empty((count, 2), dtype=np.int64), np.ascontiguousarray(control)
+            places = points.places(grid, times)
+            _by_switching(*places, joints, control, switches, by_switching, moved)
+            return by_switching, moved
+        basis = basis_by_switching(points, grid, times)
+        orders = basis.shape[1]
+        weights = basis.reshape(switches * orders, count, DEGREE + 1)
+        by_switching = _sums(weights, self.first, control)
+        return by_switching.reshape(switches, orders, count, joints), None
+
+    def change(self, control: FloatArray, switching: FloatArray) -> FloatArray:
+        """Return the change of positions by a step, to first order, shape (N, n).
+
+        Args:
+            control: Change of the control points, shape (K, n).
+            switching: Change of the inner switching times, shape (m-1,).
+        """
+        change: FloatArray = _sums(self.basis[:1], self.first, control)[0]
+        if switching.any():
+            change += np.einsum("gnj,g->nj", self.by_switching[:, 0], switching)
+        return change
+
+    def chained(
+        self, by_path: Mapping[int, FloatArray], samples: IntArray | slice = slice(None)
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the derivatives of I quantities of each sample by a step, by the chain rule.
+
+        Args:
+            by_path: Their derivatives by position (0) and by its derivatives by x, each (N, I, n).
+            samples: The samples of the quantities, if not all.
+
+        Returns:
+            By the four control points that count, (N, I, 4, n), and by the inner switching times,
+            (N, I, m-1).
+        """
+        quantities, joints = next(iter(by_path.values())).shape[1:]
+        if _chained is None:
+            orders = list(by_path)
+            by_state = np.stack([by_path[order] for order in orders])
+            basis, by_switching = self.basis[orders], self.by_switching[:, orders]
+            return (
+                np.einsum("onr,onij->nirj", basis[:, samples], by_state),
+                np.einsum("gonj,onij->nig", by_switching[:, :, samples], by_state),
+            )
+        which = np.repeat(np.arange(len(self.first))[samples], quantities)
+        shape, count = (len(which) // quantities, quantities), len(which)
+        control = np.empty((*shape, DEGREE + 1, joints))
+        switching = np.empty((*shape, len(self.by_switching)))
+        _chained(*self.arguments(by_path), count, which, np.arange(count), control, switching)
+        return control, switching
+
+    def arguments(self, by_path: Mapping[int, FloatArray]) -> tuple[Any, ...]:
+        """Return the library's arguments for the spline and derivatives as of `chained`."""
+        sizes = (len(self.first), self.by_x.shape[2], len(self.basis), len(self.by_switching))
+        by = [np.ascontiguousarray(by_path[k]) if k in by_path else None for k in range(4)]
+        return *sizes, self.basis, self.by_switching, self.switching_range, *by
+
+
+def sampled(spline: PhasedSpline, evaluation_points: EvaluationPoints) -> SampledSpline:
+    """Return a spline at some points."""
+    basis = _basis(spline.grid, evaluation_points, spline.switching_times.tobytes())
+    by_x = _sums(basis, evaluation_points.first, spline.control_points)
+    return SampledSpline(spline, evaluation_points, basis, by_x)
+
+
+@lru_cache(maxsize=8)  # switching times often stay where they are; those of one phase always do
+def _basis(
+    grid: KnotGrid, evaluation_points: EvaluationPoints, switching_times: bytes
+) -> FloatArray:
+    return evaluation_points.basis(grid, np.frombuffer(switching_times).copy())
+
+
+def _sums(basis: FloatArray, first: IntArray, control_points: FloatArray) -> FloatArray:
+    """Return the sums of control points with weights (orders, N, 4), shape (orders, N, n)."""
+    if _values is None:
+        four = control_points[first[:, None] + np.arange(DEGREE + 1)]
+        return np.matmul(basis[:, :, None], four)[:, :, 0]
+    (orders, count), joints = basis.shape[:2], control_points.shape[1]
+    values = np.empty((orders, count, joints))
+    own = (np.ascontiguousarray(each) for each in (basis, first, control_points))
+    _values(orders, count, joints, *own, values)
+    return values

@@ -19,8 +19,8 @@ from tubeplanner.geometry.tube.regions import Capsules, SegmentRegions, plane_sl
 from tubeplanner.geometry.tube.rotation import RotationalTube
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.path_samples import LimitKey, PathSamples
+from tubeplanner.optimizer.phased_spline import SampledSpline
 from tubeplanner.optimizer.rows import INNER_MARGIN, Rows, StepSize, plane_rows
-from tubeplanner.optimizer.sampled_spline import SampledSpline
 from tubeplanner.optimizer.segment_runs import OrderedSegments
 from tubeplanner.task.problem import PlanningProblem
 

@@ -5,21 +5,32 @@ duration y = T^2, by eta = dy / y. A row is: control . dC + switching . ds + dur
 """
 
 from collections.abc import Mapping
+from ctypes import c_double, c_int64
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.limits.path_samples import PathSamples, SpeedLimit
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
-from tubeplanner.optimizer import sampled_spline as native
-from tubeplanner.optimizer.phased_spline import DEGREE
-from tubeplanner.optimizer.sampled_spline import SampledSpline
+from tubeplanner.native.library import Doubles, Integers, native_function
+from tubeplanner.optimizer.phased_spline import CHANGES, DEGREE, SampledSpline
 
 # ---- Linear constraints on a step, each divided by its own limit.
 
+_near = native_function(
+    *("near_rows", *CHANGES, c_int64, c_int64, Doubles, Doubles, c_double),
+    *(c_double, Doubles, Integers, Doubles, Doubles),
+    returns=c_int64,
+)
+_reach = native_function(
+    "row_reach", c_int64, c_int64, Doubles, c_double, c_int64, Doubles, Doubles, Doubles
+)
+_used = native_function(
+    "used_by_step", *3 * (c_int64,), Integers, *5 * (Doubles,), c_double, Doubles
+)
 # Rows with less slack than this are kept, however short the step.
 _CLOSE = 0.3
 NO_LIMIT = -1
@@ -77,15 +88,34 @@ class Rows:
 
     def reach(self, size: StepSize) -> FloatArray:
         """Return the largest change of each row by a step, shape (R,)."""
-        return _reach(self.control, self.switching, size)
+        return _largest_change(self.control, self.switching, size)
 
+    def used_by_step(
+        self, control_change: FloatArray, switching: FloatArray, duration: float
+    ) -> FloatArray:
+        """Return the slack that a step uses, shape (R,).
 
-def stacked(parts: list[Rows]) -> Rows:
-    """Return the concatenation of sets of rows."""
-    names = Rows.__dataclass_fields__
-    if len(parts) == 1:
-        return parts[0]
-    return Rows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        Args:
+            control_change: Step of the control points, shape (K, n).
+            switching: Step of the inner switching times, shape (m-1,).
+            duration: The relative step eta.
+        """
+        if _used is None:
+            changes = control_change[self.first[:, None] + np.arange(DEGREE + 1)]
+            used = np.einsum("rkj,rkj->r", self.control, changes)
+            used += self.switching @ switching + self.duration * duration
+            return used
+        used, sizes = np.empty(len(self)), (self.control.shape[2], self.switching.shape[1])
+        arrays = (
+            self.first,
+            self.control,
+            self.switching,
+            self.duration,
+            control_change,
+            switching,
+        )
+        _used(len(self), *sizes, *map(np.ascontiguousarray, arrays), duration, used)
+        return used
 
 
 def sided_rows(
@@ -149,27 +179,6 @@ def plane_rows(
     )
 
 
-def used_by_step(
-    rows: Rows, control_change: FloatArray, switching: FloatArray, duration: float
-) -> FloatArray:
-    """Return the slack of rows that a step uses, shape (R,).
-
-    Args:
-        rows: The rows.
-        control_change: Step of the control points, shape (K, n).
-        switching: Step of the inner switching times, shape (m-1,).
-        duration: The relative step eta.
-    """
-    step = (control_change, switching, duration)
-    used = native.used_by_step(rows.first, (rows.control, rows.switching, rows.duration), step)
-    if used is not None:
-        return used
-    changes = control_change[rows.first[:, None] + np.arange(DEGREE + 1)]
-    used = np.einsum("rkj,rkj->r", rows.control, changes)
-    used += rows.switching @ switching + rows.duration * duration
-    return used
-
-
 def _breakable(
     at: SampledSpline,
     by_path: Mapping[int, FloatArray],
@@ -178,11 +187,28 @@ def _breakable(
     little: float,
     size: StepSize | None,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the rows that a step can break or that have little slack; see `native.near_rows`."""
-    sizes = None if size is None else (little, size.control, size.switching)
-    result = native.near_rows(at.changes, by_path, slack, signs, sizes)
-    if result is not None:
-        return result
+    """Return the rows that a step can break or that have little slack.
+
+    Args:
+        at: The spline at N samples.
+        by_path: Derivatives of I quantities of each sample, by order, each (N, I, n).
+        slack: Shape (S, N, I).
+        signs: Of the quantities on the S sides.
+        little: Little slack.
+        size: The largest step; None: all rows with a finite slack.
+
+    Returns:
+        The rows' flat indices in the slack, (R,), and their derivatives by control points,
+        (R, 4, n), and by switching times, (R, m-1).
+    """
+    if _near is not None:
+        control = np.empty((slack.size, DEGREE + 1, at.by_x.shape[2]))
+        switching = np.empty((slack.size, len(at.by_switching)))
+        index, slack = np.empty(slack.size, dtype=np.int64), np.ascontiguousarray(slack)
+        sides = slack.shape[2], len(signs), np.array(signs), slack
+        step = (0.0, 0.0, None) if size is None else (little, size.control, size.switching)
+        count = _near(*at.arguments(by_path), *sides, *step, index, control, switching)
+        return index[:count], control[:count], switching[:count]
     # The chain rule costs most: a bound on the reach rules out most rows before.
     reach: FloatArray | float = np.inf
     if size is not None:
@@ -200,48 +226,19 @@ def _breakable(
     switching = sign[:, None] * switching
     if size is None:
         return index, control, switching
-    keep = slack.ravel()[index] < np.maximum(little, _reach(control, switching, size))
+    keep = slack.ravel()[index] < np.maximum(little, _largest_change(control, switching, size))
     return index[keep], control[keep], switching[keep]
 
 
-def _reach(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatArray:
-    result = native.row_reach(control, switching, (size.control, size.switching))
-    if result is not None:
-        return result
-    reach: FloatArray = size.control * abs(control).sum(axis=(-2, -1))
-    return reach + abs(switching) @ size.switching
-
-
-class EvaluatedRows(Protocol):
-    """A constraint, other than a region, at samples of a spline."""
-
-    @property
-    def is_elastic(self) -> bool:
-        """True if iterates may violate the constraint at a penalty."""
-        ...
-
-    @property
-    def row_count(self) -> int:
-        """Number of rows."""
-        ...
-
-    def rows(self, duration: float, size: StepSize | None) -> Rows:
-        """Return the rows of the spline run in T seconds.
-
-        Args:
-            duration: T [s].
-            size: Largest step; rows that it cannot break are left out. None: all rows.
-        """
-        ...
-
-    def slack(self, duration: float, squared_duration: float) -> FloatArray:
-        """Return the slack at this spline of the rows that another spline's `rows` numbers.
-
-        Args:
-            duration: The duration of those rows [s].
-            squared_duration: The new squared duration, as a multiple of the old one.
-        """
-        ...
+def _largest_change(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatArray:
+    if _reach is None:
+        reach: FloatArray = size.control * abs(control).sum(axis=(-2, -1))
+        return reach + abs(switching) @ size.switching
+    reach, width = np.empty(len(control)), control.shape[1] * control.shape[2]
+    control, switching = np.ascontiguousarray(control), np.ascontiguousarray(switching)
+    switches = switching.shape[1]
+    _reach(len(control), width, control, size.control, switches, switching, size.switching, reach)
+    return reach
 
 
 # ---- Limits on the speed of a spline at samples, as rows.
@@ -253,7 +250,7 @@ class EvaluatedRows(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedSpeedLimit:
-    """A limit of I quantities at N samples of a spline.
+    """A limit of I quantities at N samples of a spline; `EvaluatedRows`.
 
     Attributes:
         limit: The limit.
@@ -287,7 +284,12 @@ class EvaluatedSpeedLimit:
         return len(self.limit.signs) * int(np.prod(self._used.shape))
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
-        """Return the rows of all sides, of the spline run in T seconds; see `EvaluatedRows`."""
+        """Return the rows of all sides, of the spline run in T seconds.
+
+        Args:
+            duration: T [s].
+            size: Largest step; rows that it cannot break are left out. None: all rows.
+        """
         used = self._used.at(1 / duration)
         limit = np.broadcast_to(self.numbers[self.limit.key_of(self.path)], used.shape)
         degree, powers = self._used.degree, self._used.terms
@@ -299,10 +301,15 @@ class EvaluatedSpeedLimit:
         return sided_rows(self.at, by_path, used, (change, degree / 2), limit, signs, size)
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
-        """Return the slack at this spline of another spline's rows; see `EvaluatedRows`."""
+        """Return the slack at this spline of the rows that another spline's `rows` numbers.
+
+        Args:
+            duration: The duration of those rows [s].
+            squared_duration: The new squared duration, as a multiple of the old one.
+        """
         degree, longer = self._used.degree, squared_duration**0.5
-        powers = self._used.terms
-        used = self._used.weighted({k: duration**-k * longer ** (degree - k) for k in powers})
+        weights = {k: duration**-k * longer ** (degree - k) for k in self._used.terms}
+        used = self._used.weighted(weights)
         return np.concatenate([(longer**degree - sign * used).ravel() for sign in self.limit.signs])
 
     @property

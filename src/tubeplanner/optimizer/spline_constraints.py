@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,8 +24,10 @@ from tubeplanner.optimizer.phased_spline import (
     EvaluationPoints,
     KnotGrid,
     PhasedSpline,
+    SampledSpline,
     Samples,
     VelocityHull,
+    sampled,
 )
 from tubeplanner.optimizer.region_constraints import (
     EvaluatedRegions,
@@ -37,13 +40,10 @@ from tubeplanner.optimizer.region_constraints import (
 )
 from tubeplanner.optimizer.rows import (
     INNER_MARGIN,
-    EvaluatedRows,
     EvaluatedSpeedLimit,
     Rows,
     StepSize,
-    stacked,
 )
-from tubeplanner.optimizer.sampled_spline import SampledSpline, sampled
 from tubeplanner.optimizer.segment_runs import OrderedSegments, largest_kink
 from tubeplanner.task.problem import PlanningProblem
 
@@ -86,6 +86,9 @@ _UNEVEN, _MAX_FOR_KINKS = 2, 0.03
 WIDELY_BLENDED, BLENDED = 12.0, 5.0
 # Peaks of the squared duration between samples that count.
 _HIGHER, _HIGHER_IN_A_GIVEN_DURATION = 1.001, 1.0002
+
+# The constraints other than regions.
+EvaluatedRows: TypeAlias = EvaluatedSpeedLimit | EvaluatedRotation | EvaluatedLinks
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +221,9 @@ class SplineConstraints:
             parts.append(rows.numbered_from(count))
             elastic.append(np.full(len(rows), float(constraint.is_elastic)))
             count += constraint.row_count
-        return stacked(parts), np.concatenate(elastic)
+        names = Rows.__dataclass_fields__
+        stacked = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        return Rows(*stacked), np.concatenate(elastic)
 
     def rise(self, current: Iterate) -> FloatArray:
         """Return the slack that rows gain by a relative rise of their limits, by their numbers."""

@@ -11,8 +11,7 @@ from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.segment_walk import wanted_at
 from tubeplanner.limits.tube_membership import tube_use
 from tubeplanner.optimizer.auxiliary_tubes import smoother_problem
-from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline
-from tubeplanner.optimizer.sampled_spline import sampled
+from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline, sampled
 from tubeplanner.optimizer.segment_runs import OrderedSegments, tube_chains
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tubeplanner.native.library import LIBRARY
-from tubeplanner.optimizer import sampled_spline as spline_rows
-from tubeplanner.optimizer.phased_spline import PhasedSpline, VelocityHull
-from tubeplanner.optimizer.rows import Rows, StepSize, plane_rows, sided_rows, used_by_step
-from tubeplanner.optimizer.sampled_spline import sampled
+from tubeplanner.optimizer import phased_spline
+from tubeplanner.optimizer import rows as optimizer_rows
+from tubeplanner.optimizer.phased_spline import PhasedSpline, VelocityHull, sampled
+from tubeplanner.optimizer.rows import Rows, StepSize, plane_rows, sided_rows
 from tubeplanner.optimizer.starts import knot_grid
 
 pytestmark = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
@@ -18,8 +18,9 @@ SIZES = [None, StepSize(0.01, np.full(5, 0.002)), StepSize(0.2, np.full(5, 0.03)
 
 
 def pure(monkeypatch):
-    for name in ("_chained", "_near", "_reach", "_used"):
-        monkeypatch.setattr(spline_rows, name, None)
+    monkeypatch.setattr(phased_spline, "_chained", None)
+    for name in ("_near", "_reach", "_used"):
+        monkeypatch.setattr(optimizer_rows, name, None)
 
 
 def at(joints, hull=False):
@@ -55,11 +56,11 @@ def test_rows_agree_to_rounding(joints, size, hull, monkeypatch):
     spline = at(joints, hull)
     compiled = rows_of(spline, size)
     step = (np.ones((GRID.control_point_count, joints)), np.arange(5.0), 0.3)
-    products = [used_by_step(rows, *step) for rows in compiled]
+    products = [rows.used_by_step(*step) for rows in compiled]
     reaches = [rows.reach(SIZES[1]) for rows in compiled]
     pure(monkeypatch)
     for rows, others in zip(compiled, rows_of(spline, size), strict=True):
         alike(rows, others)
     for rows, product, reach in zip(compiled, products, reaches, strict=True):
-        np.testing.assert_allclose(product, used_by_step(rows, *step), rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(product, rows.used_by_step(*step), rtol=1e-10, atol=1e-10)
         np.testing.assert_allclose(reach, rows.reach(SIZES[1]), rtol=1e-10)
