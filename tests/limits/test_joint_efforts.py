@@ -11,7 +11,6 @@ from tubeplanner.limits.joint_efforts import (
     EffortLimit,
     JointEffort,
     MotorCurve,
-    SidedEffort,
     effort_refusal,
     require_held,
 )
@@ -123,7 +122,8 @@ def test_upwards_the_most_counts_and_downwards_the_least(bar, v):
     q, a, mass = 0.3, 2.0, 0.5
     unsure = {"friction_uncertainty": UNSURE, "viscous_friction": VISCOUS}
     robot = bar(mass=mass, armature=ARMATURE, **unsure, **DRY)
-    terms = SidedEffort(np.array([0])).terms(path(robot, q, v, a))
+    limit = EffortLimit(robot.limits)
+    terms = limit.used(path(robot, q, v, a)).terms
     rubbing = FORTH if v > 0 else -BACK
     inertia = INERTIA + mass * LEVER**2 + ARMATURE
     for column, sign in enumerate((1.0, -1.0)):
@@ -132,7 +132,8 @@ def test_upwards_the_most_counts_and_downwards_the_least(bar, v):
             1: sign * VISCOUS * v + UNSURE * VISCOUS * abs(v),
             2: sign * inertia * a,
         }
-        assert {k: term[0, column] for k, term in terms.items()} == pytest.approx(expected)
+        used = {k: term[0, column] * limit.limit[column] for k, term in terms.items()}
+        assert used == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(

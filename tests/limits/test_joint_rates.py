@@ -62,8 +62,8 @@ def test_it_is_the_law_each_way(limited, q, up, down):
 def test_where_it_falls_to_a_share_of_the_largest(limited):
     """Of the joint's own limit, or of the law's largest."""
     _, limit = limited()
-    assert limit.largest.tolist() == [FASTEST, FASTEST]
-    free = limited(velocity=np.inf)[1].largest
+    assert limit.limit.tolist() == [FASTEST, FASTEST]
+    free = limited(velocity=np.inf)[1].limit
     assert free.tolist() == [np.sqrt(2 * DECELERATION * (UPPER - LOWER))] * 2
     np.testing.assert_allclose(limit.edge(), [UPPER - ZONE, LOWER + ZONE])
     for column, q in enumerate(limit.edge(0.5).tolist()):

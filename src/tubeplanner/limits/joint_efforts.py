@@ -1,12 +1,12 @@
 """Effort limits by direction, position and speed; effort rates; holding efforts at rest."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.limits.path_samples import KeptWhenSlow, LimitKey, PathSamples, directed_friction
+from tubeplanner.arrays import FloatArray
+from tubeplanner.limits.path_samples import JointSpeedLimit, PathSamples, directed_friction
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.robot.joint_limits import JointLimits
@@ -57,17 +57,11 @@ def effort_refusal(
     )
 
 
-class JointEffort:
-    """A `SpeedLimit` on the efforts of some joints, the same in both directions.
-
-    Attributes:
-        joints: The I limited joints.
-        limit: Their limits, shape (I,) [N m or N].
-    """
+class JointEffort(JointSpeedLimit):
+    """A `SpeedLimit` on the efforts of some joints, the same in both directions [N m or N]."""
 
     kind = "effort"
     order = 2
-    signs = (1.0, -1.0)
 
     def __init__(self, limit: FloatArray, *, with_coulomb_friction: bool = False) -> None:
         """Take the finite limits of n joints.
@@ -77,30 +71,23 @@ class JointEffort:
             with_coulomb_friction: Whether Coulomb friction counts, by the directions of motion. Its
                 jumps have no derivatives: for sums over a motion.
         """
+        super().__init__(limit)
         self._with_coulomb_friction = with_coulomb_friction
-        self.joints = np.flatnonzero(np.isfinite(limit))
-        self.limit = limit[self.joints]
-        self.keys = tuple(LimitKey(self.kind, joint=j) for j in self.joints.tolist())
 
-    def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the efforts as fractions of their limits."""
-        motors, own = at.problem.robot.motors, self.joints
-        terms = {0: at.gravity[:, own], 2: (at.effort - at.gravity)[:, own]}
+    def terms(self, at: PathSamples) -> Mapping[int, FloatArray]:
+        """Return the efforts by powers of the speed, (N, n) each."""
+        motors = at.problem.robot.motors
+        terms = {0: at.gravity, 2: at.effort - at.gravity}
         if motors.has_viscous_friction:
-            terms[1] = at.viscous_effort[:, own]
+            terms[1] = at.viscous_effort
             terms[2] = terms[2] - terms[1]
         if self._with_coulomb_friction:
-            terms[0] = terms[0] + motors.coulomb_effort(at.direction)[:, own]
-        return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
+            terms[0] = terms[0] + motors.coulomb_effort(at.direction)
+        return terms
 
-    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return the derivatives of the fractions by the path."""
-        blocks = enumerate(at.effort_derivatives(speed))
-        return {k: by[:, self.joints] * (speed**k / self.limit[:, None]) for k, by in blocks}
-
-    def key_of(self, at: PathSamples) -> IntArray:
-        """Return the index of each joint's key, shape (1, I)."""
-        return np.arange(len(self.joints))[None]
+    def derivatives(self, at: PathSamples, speed: float) -> Iterable[FloatArray]:
+        """Return the derivatives of the efforts by q, q', q'' at a speed, (N, n, n) each."""
+        return at.effort_derivatives(speed)
 
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return the refusal of the joint that gravity exceeds most."""
@@ -116,40 +103,40 @@ class JointEffort:
 # uncertain, or its direction about to change, these differ.
 
 
-class SidedEffort:
-    """The efforts of some joints on both sides, 2 I quantities [N m or N].
+class SidedEffort(JointSpeedLimit):
+    """Base of a `SpeedLimit` on the efforts of some joints on both sides: 2 I quantities.
 
-    Attributes:
-        joints: The joints, twice, shape (2 I,).
-        sign: 1 forwards, -1 backwards, shape (2 I,).
+    A key stands for both sides, raised together.
     """
 
-    def __init__(self, joints: IntArray) -> None:
-        """Take I joints."""
-        self.joints = np.tile(joints, 2)
-        self.sign = np.repeat([1.0, -1.0], len(joints))
+    order = 2
+    signs = (1.0,)
 
-    def terms(self, at: PathSamples) -> dict[int, FloatArray]:
-        """Return the terms of the efforts by powers of the speed, with the worse friction."""
+    def __init__(self, limit: FloatArray) -> None:
+        """Take the finite limits of n joints, shape (n,) [N m or N]."""
+        super().__init__(limit, sides=2)
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the efforts with the worse friction as fractions of their limits."""
         still, moving = at.gravity + at.viscous_effort, at.effort
         unsure = at.problem.robot.motors.friction_uncertainty * abs(at.viscous_effort)
         dry = self._dry(at, 0)
-        return {
+        terms = {
             0: self.sign * (at.gravity[:, self.joints] + dry),
             1: self.sign * at.viscous_effort[:, self.joints] + unsure[:, self.joints],
             2: self.sign * (moving - still)[:, self.joints],
         }
+        return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
 
     def by_path(self, at: PathSamples, speed: float) -> dict[int, FloatArray]:
-        """Return the derivatives of the efforts by the path at a speed, (N, 2 I, n) each."""
+        """Return the derivatives of the fractions by the path at a speed, (N, 2 I, n) each."""
         motors = at.problem.robot.motors
         blocks = enumerate(at.effort_derivatives(speed))
         change = {k: by[:, self.joints] * (speed**k * self.sign[:, None]) for k, by in blocks}
         unsure = motors.friction_uncertainty * motors.viscous_friction * speed
         by_rate = (unsure * np.sign(at.by_path[1]))[:, self.joints] + self.sign * self._dry(at, 1)
-        every = np.arange(len(self.joints))
-        change[1][:, every, self.joints] += by_rate
-        return change
+        change[1][:, np.arange(len(self.joints)), self.joints] += by_rate
+        return {k: by / self.limit[:, None] for k, by in change.items()}
 
     def _dry(self, at: PathSamples, order: int) -> FloatArray:
         """Return Coulomb friction (0) or its derivative by dq/dx (1), shape (N, 2 I)."""
@@ -159,159 +146,106 @@ class SidedEffort:
         ]
         return np.concatenate(sides, axis=1)
 
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return the refusal of the joint that gravity and friction exceed most."""
+        used = self.used(at)
+        sample, column = np.unravel_index(int(used.terms[0].argmax()), used.shape)
+        limit, needed = float(self.limit[column]), float(used.terms[0][sample, column])
+        if used.allowed is not None:
+            allowed = float(used.allowed[sample, column])
+            limit, needed = allowed * limit, needed - 1 + allowed
+        needed *= float(self.limit[column])
+        return effort_refusal(at, int(sample), int(self.joints[column]), needed, limit)
 
-# ---- Effort limits of joints with Coulomb friction, or with limits by direction or position.
 
+class EffortLimit(SidedEffort):
+    """The limits of joints with Coulomb friction, or with limits by direction or position.
 
-class EffortLimit:
-    """A `SpeedLimit` on the efforts of some joints, forwards and then backwards: 2 I quantities.
-
-    Attributes:
-        joints: The limited joints, twice, shape (2 I,).
-        limit: Nominal limits: the largest in each direction anywhere, shape (2 I,) [N m or N].
+    Nominal limits are the largest in each direction anywhere.
     """
 
     kind = "effort"
-    order = 2
-    signs = (1.0,)
 
     def __init__(self, limits: JointLimits) -> None:
         """Take the joints that have a limit."""
-        joints = np.flatnonzero(np.isfinite(limits.effort))
-        self._effort = SidedEffort(joints)
-        self.joints = self._effort.joints
-        row_of = {int(joint): k for k, joint in enumerate(joints)}
+        super().__init__(limits.effort)
+        row_of = {int(joint): k for k, joint in enumerate(self.joints[: len(self.keys)])}
         self._ranges = [
-            (row_of[each.joint] + len(joints) * (sign < 0), sign, each)
+            (row_of[each.joint] + len(self.keys) * (sign < 0), sign, each)
             for each in limits.effort_ranges
             for sign in (1.0, -1.0)
         ]
-        self.limit = limits.effort[self.joints].copy()
         for column, sign, each in self._ranges:
             self.limit[column] = each.side(sign).max()
-        self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return the efforts, and the shortfall of limits, as fractions of the nominal limits."""
         allowed = np.ones((len(at), len(self.joints)))
         for column, sign, each in self._ranges:
             allowed[:, column] = each.allowed(at.position[:, each.joint], sign) / self.limit[column]
-        terms = {k: term / self.limit for k, term in self._effort.terms(at).items()}
-        terms[0] += 1 - allowed
+        terms = dict(super().used(at).terms)
+        terms[0] = terms[0] + (1 - allowed)
         return SpeedPolynomial(terms, allowed)
 
-    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+    def by_path(self, at: PathSamples, speed: float) -> dict[int, FloatArray]:
         """Return the derivatives of the fractions by the path."""
-        change = {k: by / self.limit[:, None] for k, by in self._effort.by_path(at, speed).items()}
+        change = super().by_path(at, speed)
         for column, sign, each in self._ranges:
             slope = each.slope(at.position[:, each.joint], sign)
             change[0][:, column, each.joint] -= slope / self.limit[column]
         return change
 
-    def key_of(self, at: PathSamples) -> IntArray:
-        """Return the index of each quantity's key, shape (1, 2 I)."""
-        return np.tile(np.arange(len(self.keys)), 2)[None]
 
-    def refusal(self, at: PathSamples) -> Infeasible:
-        """Return the refusal of the joint that gravity and friction exceed most."""
-        used = self.used(at)
-        sample, column = np.unravel_index(int(used.terms[0].argmax()), used.shape)
-        allowed = 1.0 if used.allowed is None else float(used.allowed[sample, column])
-        needed = (used.terms[0][sample, column] - 1 + allowed) * self.limit[column]
-        return effort_refusal(
-            at, int(sample), int(self.joints[column]), float(needed), allowed * self.limit[column]
-        )
-
-
-class MotorCurve:
-    """A `SpeedLimit` on the torque-speed lines of some joints: 2 I quantities.
+class MotorCurve(SidedEffort):
+    """The torque-speed lines of some joints.
 
     An effort tau at the velocity v uses tau / S + v / v0 forwards, S the saturation effort and v0
-    the no-load velocity, and minus that backwards. A key stands for both, raised together.
-
-    Attributes:
-        joints: The joints with such a line, twice, shape (2 I,).
+    the no-load velocity, and minus that backwards.
     """
 
     kind = "motor_curve"
-    order = 2
-    signs = (1.0,)
 
     def __init__(self, motors: JointMotors) -> None:
         """Take the joints that have a line."""
-        joints = np.flatnonzero(motors.has_curve)
-        self._effort = SidedEffort(joints)
-        self.joints, self._sign = self._effort.joints, self._effort.sign
-        self._stall = motors.saturation_effort[self.joints]
+        super().__init__(np.where(motors.has_curve, motors.saturation_effort, np.inf))
         self._no_load = motors.no_load_velocity[self.joints]
-        self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return the fractions of the lines that efforts and velocities use together."""
-        terms = {k: term / self._stall for k, term in self._effort.terms(at).items()}
-        terms[1] = terms[1] + self._sign * at.by_path[1][:, self.joints] / self._no_load
+        terms = dict(super().used(at).terms)
+        terms[1] = terms[1] + self.sign * at.by_path[1][:, self.joints] / self._no_load
         return SpeedPolynomial(terms)
 
-    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+    def by_path(self, at: PathSamples, speed: float) -> dict[int, FloatArray]:
         """Return the derivatives of the fractions by the path."""
-        change = {k: by / self._stall[:, None] for k, by in self._effort.by_path(at, speed).items()}
+        change = super().by_path(at, speed)
         every = np.arange(len(self.joints))
-        change[1][:, every, self.joints] += self._sign * speed / self._no_load
+        change[1][:, every, self.joints] += self.sign * speed / self._no_load
         return change
 
-    def key_of(self, at: PathSamples) -> IntArray:
-        """Return the index of each quantity's key, shape (1, 2 I)."""
-        return np.tile(np.arange(len(self.keys)), 2)[None]
 
-    def refusal(self, at: PathSamples) -> Infeasible:
-        """Return the refusal of the motor that stalls under gravity and friction."""
-        fraction = self.used(at).terms[0]
-        sample, column = np.unravel_index(int(fraction.argmax()), fraction.shape)
-        stall = float(self._stall[column])
-        needed = float(fraction[sample, column]) * stall
-        return effort_refusal(at, int(sample), int(self.joints[column]), needed, stall)
+class EffortRate(JointSpeedLimit):
+    """A `SpeedLimit` on the rates of some joints' efforts [N m/s or N/s], inside pieces.
 
-
-class EffortRate(KeptWhenSlow):
-    """A `SpeedLimit` on the rates of some joints' efforts, inside pieces: they are smooth there.
-
-    Rates of gravity grow with s, of viscous friction with s^2, the rest with s^3. Coulomb friction,
-    which jumps, does not count.
-
-    Attributes:
-        joints: The I limited joints.
-        limit: Their limits, shape (I,) [N m/s or N/s].
+    Rates are smooth there: those of gravity grow with s, of viscous friction with s^2, the rest
+    with s^3. Coulomb friction, which jumps, does not count.
     """
 
     kind = "effort_rate"
     order = 3
-    signs = (1.0, -1.0)
 
-    def __init__(self, limit: FloatArray) -> None:
-        """Take the finite limits of n joints, (n,) [N m/s or N/s]."""
-        self.joints = np.flatnonzero(np.isfinite(limit))
-        self.limit = limit[self.joints]
-        self.keys = tuple(LimitKey(self.kind, joint=j) for j in self.joints.tolist())
-
-    def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the rates as fractions of their limits."""
-        rate, gravity = at.effort_rate[:, self.joints], at.gravity_rate[:, self.joints]
-        motors = at.problem.robot.motors
+    def terms(self, at: PathSamples) -> Mapping[int, FloatArray]:
+        """Return the rates by powers of the speed, (N, n) each."""
+        rate, gravity, motors = at.effort_rate, at.gravity_rate, at.problem.robot.motors
         if not motors.has_viscous_friction:
-            return SpeedPolynomial({1: gravity / self.limit, 3: (rate - gravity) / self.limit})
-        viscous = (motors.viscous_friction * at.by_path[2])[:, self.joints]
-        terms = {1: gravity, 2: viscous, 3: rate - gravity - viscous}
-        return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
+            return {1: gravity, 3: rate - gravity}
+        viscous = motors.viscous_friction * at.by_path[2]
+        return {1: gravity, 2: viscous, 3: rate - gravity - viscous}
 
-    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return the derivatives of the fractions by the path."""
+    def derivatives(self, at: PathSamples, speed: float) -> Iterable[FloatArray]:
+        """Return the derivatives of the rates by q and its derivatives, (N, n, n) each."""
         state = (at.position, at.rate(1, speed), at.rate(2, speed), at.rate(3, speed))
-        blocks = enumerate(effort_rate_derivatives(at.problem.robot, *state))
-        return {k: by[:, self.joints] * (speed**k / self.limit[:, None]) for k, by in blocks}
-
-    def key_of(self, at: PathSamples) -> IntArray:
-        """Return the index of each joint's key, shape (1, I)."""
-        return np.arange(len(self.joints))[None]
+        return effort_rate_derivatives(at.problem.robot, *state)
 
 
 # ---- Holding efforts: at rest, gravity and friction count.

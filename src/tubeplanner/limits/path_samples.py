@@ -1,6 +1,6 @@
 """PathSamples: derivatives and efforts along a path; Coulomb friction; the protocol SpeedLimit."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
@@ -285,3 +285,49 @@ class KeptWhenSlow:
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return a refusal that never occurs."""
         return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Location())
+
+
+class JointSpeedLimit(KeptWhenSlow):
+    """Base of a `SpeedLimit` on a quantity of joints, with a key for each joint.
+
+    A subclass has `kind`, `order`, and either `terms` and `derivatives` or `used` and `by_path`.
+
+    Attributes:
+        joints: The I limited joints; of limits with two sides, twice, shape (2 I,).
+        sign: 1 forwards, then -1 backwards, likewise.
+        limit: Their limits in the quantity's unit, likewise.
+    """
+
+    order: int
+    signs: tuple[float, ...] = (1.0, -1.0)
+
+    def __init__(self, limit: FloatArray, sides: int = 1) -> None:
+        """Take the finite limits of n joints, shape (n,), and the number of sides."""
+        joints = np.flatnonzero(np.isfinite(limit))
+        self.joints = np.tile(joints, sides)
+        self.sign = np.repeat([1.0, -1.0][:sides], len(joints))
+        self.limit = limit[self.joints]
+        self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
+
+    def terms(self, at: PathSamples) -> Mapping[int, FloatArray]:
+        """Return the terms of the quantity by powers of the speed, (N, n) each."""
+        raise NotImplementedError
+
+    def derivatives(self, at: PathSamples, speed: float) -> Iterable[FloatArray]:
+        """Return the derivatives by position, velocity, ... at a speed, (N, n, n) each."""
+        raise NotImplementedError
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the quantities as fractions of their limits."""
+        terms = self.terms(at).items()
+        return SpeedPolynomial({power: term[:, self.joints] / self.limit for power, term in terms})
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return the derivatives of the fractions by the path."""
+        blocks = enumerate(self.derivatives(at, speed))
+        return {k: by[:, self.joints] * (speed**k / self.limit[:, None]) for k, by in blocks}
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return the index of each quantity's key, shape (1, I) or (1, 2 I)."""
+        sides = len(self.joints) // max(len(self.keys), 1)
+        return np.tile(np.arange(len(self.keys)), sides)[None]

@@ -5,7 +5,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.limits.path_samples import KeptWhenSlow, LimitKey, PathSamples
+from tubeplanner.limits.path_samples import (
+    JointSpeedLimit,
+    KeptWhenSlow,
+    LimitKey,
+    PathSamples,
+)
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.robot.joint_limits import JointLimits
@@ -16,26 +21,17 @@ from tubeplanner.task.problem import PlanningProblem
 RATES: Mapping[str, int] = {"velocity": 1, "acceleration": 2, "jerk": 3}
 
 
-class JointRate(KeptWhenSlow):
-    """A `SpeedLimit` on a derivative of some joints' positions.
-
-    Attributes:
-        joints: The I limited joints.
-        limit: Their limits, shape (I,) [rad or m, per s, s^2 or s^3].
-    """
-
-    signs = (1.0, -1.0)
+class JointRate(JointSpeedLimit):
+    """A `SpeedLimit` on a derivative of some joints' positions [rad or m, per s, s^2 or s^3]."""
 
     def __init__(self, kind: str, limit: FloatArray) -> None:
         """Take the finite limits of n joints, (n,)."""
         self.kind, self.order = kind, RATES[kind]
-        self.joints = np.flatnonzero(np.isfinite(limit))
-        self.limit = limit[self.joints]
-        self.keys = tuple(LimitKey(kind, joint=j) for j in self.joints.tolist())
+        super().__init__(limit)
 
-    def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the rates as fractions of their limits."""
-        return SpeedPolynomial({self.order: at.by_path[self.order][:, self.joints] / self.limit})
+    def terms(self, at: PathSamples) -> Mapping[int, FloatArray]:
+        """Return the single term of the rates, (N, n)."""
+        return {self.order: at.by_path[self.order]}
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return the derivatives of the fractions by the path: a single order alone."""
@@ -43,10 +39,6 @@ class JointRate(KeptWhenSlow):
         change = np.zeros((len(self.joints), n))
         change[np.arange(len(self.joints)), self.joints] = speed**self.order / self.limit
         return {self.order: np.broadcast_to(change, (count, *change.shape))}
-
-    def key_of(self, at: PathSamples) -> IntArray:
-        """Return the index of each joint's key, shape (1, I)."""
-        return np.arange(len(self.joints))[None]
 
 
 # ---- Velocity limits that fall towards the ends of the joints' ranges, in each direction.
@@ -63,14 +55,11 @@ _STILL = 1e-9
 _MIN_ROOT = 1e-3
 
 
-class VelocityByPositionLimit:
+class VelocityByPositionLimit(JointSpeedLimit):
     """A `SpeedLimit` on the velocities of I joints, upwards and then downwards: 2 I quantities.
 
-    Attributes:
-        joints: The limited joints, twice, shape (2 I,).
-        sign: Sign of the end of the range, 1 or -1, shape (2 I,).
-        largest: Their velocity limits or, without any, the velocities from which they would stop
-            over the whole range, shape (2 I,) [rad/s or m/s].
+    Fractions are of the velocity limits or, without any, of the velocities from which joints would
+    stop over their whole range.
     """
 
     kind = "velocity_by_position"
@@ -79,18 +68,15 @@ class VelocityByPositionLimit:
 
     def __init__(self, limits: JointLimits) -> None:
         """Take the laws of an arm's joints."""
-        laws = limits.velocity_by_position
-        joints = np.array([law.joint for law in laws], dtype=np.int64)
-        self.joints = np.tile(joints, 2)
-        self.sign = np.repeat([1.0, -1.0], len(laws))
+        laws, largest = limits.velocity_by_position, np.full(len(limits.velocity), np.inf)
+        for law in laws:
+            most = np.sqrt(2 * law.deceleration * (law.upper - law.lower))
+            own = limits.velocity[law.joint]
+            largest[law.joint] = own if np.isfinite(own) else most
+        super().__init__(largest, sides=2)
         self._deceleration = np.tile([law.deceleration for law in laws], 2)
         self._offset = np.tile([law.offset for law in laws], 2)
-        lower, upper = (np.array([getattr(law, end) for law in laws]) for end in ("lower", "upper"))
-        self._end = np.append(upper, -lower)
-        most = np.sqrt(2 * self._deceleration * np.tile(upper - lower, 2))
-        own = limits.velocity[self.joints]
-        self.largest = np.where(np.isfinite(own), own, most)
-        self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
+        self._end = np.array([*(law.upper for law in laws), *(-law.lower for law in laws)])
 
     def allowed(self, q: FloatArray) -> FloatArray:
         """Return the largest velocities towards the ends at configurations (N, n), (N, 2 I)."""
@@ -98,35 +84,31 @@ class VelocityByPositionLimit:
 
     def edge(self, fraction: float = 0.0) -> FloatArray:
         """Return positions of the limits' fall to a fraction of the largest, (2 I,) [rad or m]."""
-        root = self._offset + fraction * self.largest
+        root = self._offset + fraction * self.limit
         edge: FloatArray = self.sign * (self._end - root**2 / (2 * self._deceleration))
         return edge
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return velocities and the limits' shortfall as fractions of the largest velocities."""
-        allowed = self.allowed(at.position) / self.largest
+        allowed = self.allowed(at.position) / self.limit
         rate = self.sign * at.by_path[1][:, self.joints]
         rate = np.where((allowed == 0) & (rate < _STILL), np.minimum(rate, 0.0), rate)
         asks = (rate > 0) | (allowed == 0)
-        terms = {0: np.where(asks, 1 - allowed, 0.0), 1: rate / self.largest}
+        terms = {0: np.where(asks, 1 - allowed, 0.0), 1: rate / self.limit}
         return SpeedPolynomial(terms, allowed)
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return the derivatives of the fractions by the path."""
         root = self._root(at.position)
-        slope = self._deceleration / np.maximum(root, _MIN_ROOT * self.largest)
+        slope = self._deceleration / np.maximum(root, _MIN_ROOT * self.limit)
         rate = self.sign * at.by_path[1][:, self.joints]
         slope = np.where((root > self._offset) & (rate > 0), slope, 0.0)
         count, n = at.position.shape
         change = np.zeros((2, count, len(self.joints), n))
         every = np.arange(len(self.joints))
-        change[0][:, every, self.joints] = self.sign * slope / self.largest
-        change[1][:, every, self.joints] = self.sign * speed / self.largest
+        change[0][:, every, self.joints] = self.sign * slope / self.limit
+        change[1][:, every, self.joints] = self.sign * speed / self.limit
         return dict(enumerate(change))
-
-    def key_of(self, at: PathSamples) -> IntArray:
-        """Return the index of each quantity's key, shape (1, 2 I)."""
-        return np.tile(np.arange(len(self.keys)), 2)[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return the refusal of a joint that moves towards its end where it must not."""
