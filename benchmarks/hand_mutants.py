@@ -27,7 +27,7 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "ConvexShape.reach": [(" + self.radius", "")],
     "cylinder": [("radius / np.cos(np.pi / _PRISM_SIDES)", "radius")],
     "link_parts": [("robot.link_placement[link] @ element.placement", "element.placement")],
-    "BodyShapes._in_second": [('"pij,pi->pj", frames', '"pij,pj->pi", frames')],
+    "BodyShapes._measured": [('"pij,pi->pj", frames', '"pij,pj->pi", frames')],
     "BodyShapes.gaps_of_spheres": [(" - radii[second]", "")],
     "PlacedShapes._core_poses": [("rotation @ core[:, :, :3, :3]", "rotation")],
     "PlacedShapes._apart": [("np.maximum(ahead, behind)", "ahead")],

@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
 
 from tubeplanner import AttachedSolid, Obstacle, placement_of
-from tubeplanner.geometry.body_shapes import near_distances
 from tubeplanner.geometry.collision_checker import CollisionChecker
 
 BALL = Obstacle.sphere("ball", 0.1, placement_of((0.6, 0.1, 0.9)))
@@ -247,7 +246,7 @@ def test_distances_are_exact_where_they_matter_and_lower_bounds_elsewhere(bundle
     q = (1 - fraction) * start + fraction * end
     exact = our_distances(checker, q, checker.pairs)
     matters = np.full(exact.shape, MATTERS)
-    result = near_distances(checker, q, checker.pairs, matters, np.full(exact.shape, -np.inf))
+    result = checker.near_distances(q, checker.pairs, matters, np.full(exact.shape, -np.inf))
     near = exact < MATTERS - 1e-6
     assert (exact < 0).any()
     assert near.sum() > 20
@@ -255,7 +254,7 @@ def test_distances_are_exact_where_they_matter_and_lower_bounds_elsewhere(bundle
     assert (result <= exact + 2e-5).all()
     assert (result[~near] >= MATTERS - 2e-5).all()
     bounds = matters + 100.0  # what is known to be far enough stays as it is
-    same(near_distances(checker, q, checker.pairs, matters, bounds), bounds)
+    same(checker.near_distances(q, checker.pairs, matters, bounds), bounds)
 
 
 def test_a_pose_that_is_not_finite_never_reaches_fcl(two_link):

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from tubeplanner import Obstacle, placement_of
+from tubeplanner.geometry.body_shapes import IS_NATIVE
 from tubeplanner.geometry.collision_checker import CollisionChecker
-from tubeplanner.geometry.convex_pairs import IS_NATIVE
-from tubeplanner.native.library import NativeLibrary
-from tubeplanner.studies.tubes import clearance_bounds
+from tubeplanner.studies.tubes.clearance_bounds import PairClearance
 
 pytestmark = pytest.mark.skipif(not IS_NATIVE, reason="the native library is left out")
 
@@ -88,18 +87,6 @@ def test_closest_points_are_never_looser_than_those_of_fcl_and_their_own_proof(p
         np.testing.assert_allclose(along, distance, rtol=0, atol=1e-9)
 
 
-def test_the_search_begins_anywhere_and_finds_the_same(placed):
-    native, _, rotation, position, pairs, row = placed
-    shapes = native._native
-    result = shapes.closest_points(rotation, position, row, pairs)
-    others = np.roll(result.direction, 1, axis=0)
-    again = shapes.closest_points(rotation, position, row, pairs, others)
-    both = result.proven & again.proven
-    assert both.mean() > 0.9
-    np.testing.assert_array_equal(result.proven, again.proven)
-    np.testing.assert_allclose(again.distance[both], result.distance[both], rtol=0, atol=2e-9)
-
-
 def test_the_least_room_is_that_of_all_pairs(placed):
     native, _, rotation, position, *_ = placed
     pairs, rows = native.pairs, np.arange(len(rotation))
@@ -122,17 +109,16 @@ def test_the_least_room_is_that_of_all_pairs(placed):
 
 
 @pytest.mark.parametrize("near", [0.03, 0.0])
-def test_bounds_on_clearances_are_those_of_numpy(near, monkeypatch, bundled):
+def test_bounds_on_clearances_are_those_of_numpy(near, bundled):
     problem = bundled("ur5/over_the_wall")
-    checker, rng = checker_of(problem), np.random.default_rng(0)
+    clearance, rng = PairClearance(problem, 0.0), np.random.default_rng(0)
     q = problem.start + rng.normal(scale=0.6, size=(60, len(problem.start)))
     poses = problem.robot.body_poses(q)
-    required = rng.uniform(0, 0.02, len(checker.pairs))
+    required = clearance.required = rng.uniform(0, 0.02, len(clearance.pairs))
     required[::5] = -np.inf  # may touch
-    arguments = checker, checker.pairs, required
-    result, least = clearance_bounds.ClearanceBounds(*arguments).at(*poses, near)
-    monkeypatch.setattr(clearance_bounds, "LIBRARY", NativeLibrary(None, ""))
-    expected, expected_least = clearance_bounds.ClearanceBounds(*arguments).at(*poses, near)
+    result, least = clearance.bounds(*poses, near)
+    clearance._table = None
+    expected, expected_least = clearance.bounds(*poses, near)
     close = np.isfinite(expected)
     assert not close[:, ::5].any()
     assert 50 < close.sum() < close.size / 2

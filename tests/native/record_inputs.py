@@ -9,6 +9,7 @@ import ctypes
 import lzma
 import struct
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 from native_exports import exports
@@ -112,9 +113,9 @@ def packed_array(array, is_stored, is_read):
 
 
 def packed_shapes(address):
-    from tubeplanner.geometry.convex_pairs import _Shapes
+    from tubeplanner.geometry.body_shapes import NativeShapes
 
-    shapes = _Shapes.from_address(address)
+    shapes = NativeShapes.from_address(address)
     sizes = np.ctypeslib.as_array(ctypes.cast(shapes.size, LONGS), (shapes.count,))
     parts = [struct.pack("q", shapes.count)]
     for name, width in SHAPES:
@@ -176,21 +177,21 @@ def no_rows_of_splines():
 
 def measure_pairs(count):
     """Call the functions of pairs with no pairs, and with one of two points."""
-    from tubeplanner.geometry import convex_pairs
+    from tubeplanner.geometry.body_shapes import BodyShape, BodyShapes
+    from tubeplanner.geometry.convex_shapes import ConvexShape
 
-    box = (np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)), np.zeros((2, 3)))
     points = [np.zeros((1, 3)), np.ones((1, 3))]
-    arrays = (np.array([0, 1]), points, np.zeros(2), box[0], np.zeros(2), *box[1:])
-    shapes = convex_pairs.NativeShapes(convex_pairs.ShapeArrays(*arrays))
+    shapes = BodyShapes(
+        None, [BodyShape("", k, ConvexShape(each)) for k, each in enumerate(points)]
+    )
     poses = np.tile(np.eye(3), (count, 2, 1, 1)), np.zeros((count, 2, 3))
+    shapes.robot = SimpleNamespace(body_poses=lambda q: poses)
     pairs, row = np.array([[0, 1]])[:count], np.zeros(count, int)
-    shapes.sphere_gaps(*poses, pairs)
-    shapes.box_gaps(*poses, row, pairs)
-    along = np.tile([1.0, 0.0, 0.0], (count, 1))
-    shapes.gaps_along(*poses, row, pairs, along)
-    shapes.gaps_along(*poses, row, pairs, along, np.zeros(count))
-    shapes.closest_points(*poses, row, pairs)
-    shapes.near_distances(*poses, pairs, np.ones((count, count)), np.zeros((count, count)))
+    shapes.sphere_distances(*poses, pairs)
+    shapes.box_distances(*poses, row, pairs)
+    shapes.separations_along(*poses, pairs, np.tile([1.0, 0.0, 0.0], (count, 1)), row)
+    shapes.closest_points(*poses, pairs, row)
+    shapes.near_distances(row, pairs, np.ones((count, count)), np.zeros((count, count)))
     shapes.least_slack(*poses, pairs, np.zeros(count), 1.0)
 
 

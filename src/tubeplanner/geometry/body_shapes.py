@@ -1,23 +1,50 @@
 """BodyShapes: convex shapes on a robot's bodies and their distances, native or FCL.
 
-Native distances count where they are proved: where a lower bound, the distance along a direction,
-and an upper bound, that of two points, agree to 1e-9 m. Pairs without proof, which overlap or all
-but touch, are measured by FCL and Coal, as are all pairs without the native library.
+Native distances count where they are proved: where a lower bound, the gap along a direction, and
+an upper bound, the distance of two points, agree to 1e-9 m. Pairs without proof, which overlap or
+all but touch, are measured by FCL and Coal, as are all pairs without the native library.
 """
 
+import ctypes
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.geometry.convex_pairs import IS_NATIVE, LeastSlack, NativeShapes, ShapeArrays
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.geometry.convex_shapes import BoundingBoxes, ConvexShape, bounding_boxes
 from tubeplanner.geometry.distances import ClosestPoints, PlacedShapes
+from tubeplanner.native.library import Bytes, Doubles, Integers, native_function
 from tubeplanner.robot.model import RobotModel
+
+_SIZE, _ADDRESS = ctypes.c_int64, ctypes.c_void_p
+_POSES = (_ADDRESS, _SIZE, Doubles, Doubles)  # of shapes: bodies, rotations, origins
+_sphere_gaps = native_function(
+    "tubeplanner_sphere_gaps", *_POSES, _SIZE, _SIZE, Integers, Doubles, Doubles
+)
+_box_gaps = native_function("tubeplanner_box_gaps", *_POSES, _SIZE, Integers, Integers, Doubles)
+_gaps_along = native_function(
+    "tubeplanner_gaps_along", *_POSES, _SIZE, Integers, Integers, *(Doubles,) * 3
+)
+_closest_points = native_function(
+    "tubeplanner_closest_points", *_POSES, _SIZE, Integers, Integers, *(Doubles,) * 5, Bytes
+)
+_near_distances = native_function(
+    "tubeplanner_near_distances", *_POSES, _SIZE, _SIZE, Integers, *(Doubles,) * 4, Bytes
+)
+_least_slack = native_function(
+    "tubeplanner_least_room",
+    *(*_POSES, _SIZE, _SIZE, Integers, Doubles, ctypes.c_double),
+    *(Doubles, Doubles, Doubles, Integers, Bytes),
+)
+IS_NATIVE = _sphere_gaps is not None
+_MULTIPLE = 4  # numbers that a processor takes at once: shapes' points are padded to multiples
+# Without the native library configurations are visited coarse to fine, with these strides: a
+# neighbour visited before provides a direction that separates a pair.
+_STRIDES = (64, 16, 4, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +62,67 @@ class BodyShape:
     shape: ConvexShape
 
 
+class LeastSlack(NamedTuple):
+    """The pair with the least slack beyond its required distance, in N configurations.
+
+    Attributes:
+        slack: The slack, (N,) [m]: exact if proven, `near` where no pair has less.
+        pair: Index of the pair, (N,); -1: none has less than `near`.
+        proven: True where the slack is proven, (N,); else the pair overlaps or all but touches.
+    """
+
+    slack: FloatArray
+    pair: IntArray
+    proven: BoolArray
+
+
 class _PlacedShapes(threading.local):
     """Shapes that FCL moves to be measured; each thread has its own."""
 
     def __init__(self, shapes: Sequence[BodyShape]) -> None:
         self.shapes = PlacedShapes([body_shape.shape for body_shape in shapes])
+
+
+class NativeShapes(ctypes.Structure):
+    """Shapes as the native functions take them, `struct Shapes` in convex_pairs.h."""
+
+    _arrays: list[Any]  # of the addresses
+    _fields_ = [
+        ("count", ctypes.c_int64),
+        *((name, _ADDRESS) for name in ("body", "begin", "size", "points", "radius")),
+        *((name, _ADDRESS) for name in ("center", "reach", "axes", "middle", "half")),
+    ]
+
+    @classmethod
+    def of(cls, shapes: "BodyShapes") -> "NativeShapes":
+        """Return shapes with their bounding spheres and boxes."""
+        blocks = []  # the vertices of each shape by coordinate, (3, V), padded by the first
+        for each in shapes.shapes:
+            vertices = each.shape.vertices
+            padding = np.repeat(vertices[:1], -len(vertices) % _MULTIPLE, axis=0)
+            blocks.append(np.concatenate([vertices, padding]).T)
+        sizes = np.array([block.shape[1] for block in blocks], dtype=np.int64)
+        points = np.concatenate([block.ravel() for block in blocks]) if blocks else np.zeros(0)
+        radius, boxes = [each.shape.radius for each in shapes.shapes], shapes._boxes
+        integers = [shapes._bodies, 3 * (np.cumsum(sizes) - sizes), sizes]
+        doubles = [points, radius, *shapes._spheres, boxes.axes, boxes.center, boxes.half]
+        arrays = [np.ascontiguousarray(array, dtype=np.int64) for array in integers]
+        arrays += [np.ascontiguousarray(array, dtype=np.float64) for array in doubles]
+        native = cls(len(blocks), *(array.ctypes.data for array in arrays))
+        native._arrays = arrays
+        return native
+
+    def call(
+        self,
+        function: Callable[..., Any] | None,
+        rotation: FloatArray,
+        position: FloatArray,
+        *arguments: object,
+    ) -> None:
+        """Call a native function with these shapes on bodies in N configurations."""
+        assert function is not None
+        placed = np.ascontiguousarray(rotation), np.ascontiguousarray(position)
+        function(ctypes.addressof(self), rotation.shape[1], *placed, *arguments)
 
 
 class BodyShapes:
@@ -109,25 +192,8 @@ class BodyShapes:
         row: IntArray | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Return `separations` in several configurations."""
-        row = _rows(pairs, row)
-        if self._native is None:
-            exact = self._by_fcl(rotation, position, pairs, row)
-            return exact.distance, self._in_second(rotation, pairs, row, exact)
-        result = self._native.closest_points(rotation, position, row, pairs)
-        unproven = np.flatnonzero(~result.proven)
-        if len(unproven):
-            others = pairs[unproven], row[unproven]
-            exact = self._by_fcl(rotation, position, *others)
-            result.distance[unproven] = exact.distance
-            result.direction[unproven] = self._in_second(rotation, *others, exact)
-        return result.distance, result.direction
-
-    def _in_second(
-        self, rotation: FloatArray, pairs: IntArray, row: IntArray, closest: ClosestPoints
-    ) -> FloatArray:
-        """Return directions of pairs in the frames of the second shapes' bodies, shape (P, 3)."""
-        frames = rotation[row, self._bodies[pairs[:, 1]]]
-        return np.einsum("pij,pi->pj", frames, closest.direction)
+        closest, direction = self._measured(rotation, position, pairs, row)
+        return closest.distance, direction
 
     def closest_points(
         self,
@@ -141,17 +207,29 @@ class BodyShapes:
         Raises:
             ValueError: A pose is not finite.
         """
-        row = _rows(pairs, row)
-        if self._native is None:
-            return self._by_fcl(rotation, position, pairs, row)
-        native = self._native.closest_points(rotation, position, row, pairs)
-        closest = ClosestPoints(native.distance, native.along, native.first, native.second)
-        unproven = np.flatnonzero(~native.proven)
+        return self._measured(rotation, position, pairs, row)[0]
+
+    def _measured(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray, row: IntArray | None
+    ) -> tuple[ClosestPoints, FloatArray]:
+        """Return the closest points of pairs, and directions in the second shapes' frames."""
+        row, count = _rows(pairs, row), len(pairs)
+        distance, vectors, proven = np.empty(count), np.empty((3, count, 3)), np.zeros(count, bool)
+        closest, local = ClosestPoints(distance, *vectors), np.zeros((count, 3))
+        if self._native is not None:
+            indices = count, _integers(row), _integers(pairs)
+            self._native.call(
+                _closest_points, rotation, position, *indices, local, distance, *vectors, proven
+            )
+        unproven = np.flatnonzero(~proven)
         if len(unproven):
-            exact = self._by_fcl(rotation, position, pairs[unproven], row[unproven])
+            pairs, row = pairs[unproven], row[unproven]
+            exact = self._by_fcl(rotation, position, pairs, row)
             for name, values in vars(exact).items():
                 getattr(closest, name)[unproven] = values
-        return closest
+            frames = rotation[row, self._bodies[pairs[:, 1]]]
+            local[unproven] = np.einsum("pij,pi->pj", frames, exact.direction)
+        return closest, local
 
     def _by_fcl(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray, row: IntArray
@@ -161,25 +239,60 @@ class BodyShapes:
         return self._placed.shapes.separations(pairs, *placed)
 
     def near_distances(
+        self, q: FloatArray, pairs: IntArray, matters: FloatArray, known: FloatArray
+    ) -> FloatArray:
+        """Return distances of pairs in configurations q (N, n) that follow each other, (N, P) [m].
+
+        Distances below `matters` (N, P) [m] are exact. Others are lower bounds: `known` ones (N, P)
+        [m], from spheres, or along a direction that separates the pair.
+        """
+        rotation, position = poses = self.robot.body_poses(q)
+        if self._native is None:
+            return self._near_distances(rotation, position, pairs, matters, known)
+        bound, unproven = np.array(known, order="C"), np.empty(known.shape, dtype=bool)
+        self._native.call(
+            _near_distances, *poses, len(q), len(pairs), _integers(pairs),
+            np.ascontiguousarray(matters), self._workspace(), np.zeros((len(pairs), 3)),
+            bound, unproven,
+        )  # fmt: skip
+        row, pair = np.nonzero(unproven)
+        if len(row):
+            bound[row, pair] = self._by_fcl(*poses, pairs[pair], row).distance
+        return bound
+
+    def _near_distances(
         self,
         rotation: FloatArray,
         position: FloatArray,
         pairs: IntArray,
         matters: FloatArray,
         known: FloatArray,
-    ) -> FloatArray | None:
-        """Return distances of all pairs in all configurations, (N, P) [m]; None if not native.
-
-        Neighbouring configurations best follow each other. Distances below `matters`, shape (N, P)
-        [m], are exact, others are lower bounds; `known`, shape (N, P) [m], are known lower bounds.
-        """
-        if self._native is None:
-            return None
-        distance, unproven = self._native.near_distances(rotation, position, pairs, matters, known)
-        row, pair = np.nonzero(unproven)
-        if len(row):
-            distance[row, pair] = self._by_fcl(rotation, position, pairs[pair], row).distance
-        return distance
+    ) -> FloatArray:
+        """Return `near_distances` without the native library."""
+        bound = np.maximum(self.sphere_distances(rotation, position, pairs), known)
+        near = bound < matters
+        direction, is_measured = np.zeros((*bound.shape, 3)), np.zeros(bound.shape, dtype=bool)
+        before = len(bound)
+        for stride in _STRIDES:
+            samples = np.arange(0, len(bound), stride)
+            samples = samples[(samples % before != 0) | (before == len(bound))]
+            row, pair = np.nonzero(near[samples])
+            row = samples[row]
+            last = row - row % before
+            has_direction = np.flatnonzero(is_measured[last, pair])
+            direction[row, pair] = direction[last, pair]
+            is_measured[row, pair] = True
+            at = (row[has_direction], pair[has_direction])
+            along = self.separations_along(rotation, position, pairs[at[1]], direction[at], at[0])
+            bound[at] = np.maximum(bound[at], along)
+            close = bound[row, pair] < matters[row, pair]
+            for i in np.unique(row[close]):
+                columns = pair[close & (row == i)]
+                bound[i, columns], direction[i, columns] = self.separations(
+                    rotation[i], position[i], pairs[columns]
+                )
+            before = stride
+        return bound
 
     def least_slack(
         self,
@@ -198,7 +311,14 @@ class BodyShapes:
         """
         if self._native is None:
             return None
-        return self._native.least_slack(rotation, position, pairs, required, near)
+        count = len(rotation)
+        slack, pair, unproven = np.empty(count), np.empty(count, np.int64), np.empty(count, bool)
+        self._native.call(
+            _least_slack, rotation, position, count, len(pairs), _integers(pairs),
+            np.ascontiguousarray(required, dtype=np.float64), near, self._workspace(),
+            np.zeros((len(pairs), 3)), slack, pair, unproven,
+        )  # fmt: skip
+        return LeastSlack(slack, pair, ~unproven)
 
     def distance_gradient(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray, closest: ClosestPoints
@@ -238,9 +358,12 @@ class BodyShapes:
         `separations`, shape (P, 3).
         """
         row = _rows(pairs, row)
-        if self._native is not None:
-            return self._native.gaps_along(rotation, position, row, pairs, direction)
         result = np.empty(len(pairs))
+        if self._native is not None:
+            indices = len(pairs), _integers(row), _integers(pairs)
+            unit_vectors = np.ascontiguousarray(direction)
+            self._native.call(_gaps_along, rotation, position, *indices, unit_vectors, None, result)
+            return result
         order = np.lexsort(pairs.T)
         groups = np.flatnonzero(np.any(np.diff(pairs[order], axis=0) != 0, axis=1)) + 1
         for rows in np.split(order, groups) if len(order) else ():
@@ -258,9 +381,12 @@ class BodyShapes:
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
     ) -> FloatArray:
         """Return quick, loose lower bounds from bounding spheres, shape (N, P) [m]."""
-        if self._native is not None:
-            return self._native.sphere_gaps(rotation, position, pairs)
-        return self.gaps_of_spheres(self.sphere_centers(rotation, position), pairs)
+        if self._native is None:
+            return self.gaps_of_spheres(self.sphere_centers(rotation, position), pairs)
+        gaps = np.empty((len(rotation), len(pairs)))
+        indices = len(rotation), len(pairs), _integers(pairs)
+        self._native.call(_sphere_gaps, rotation, position, *indices, self._workspace(), gaps)
+        return gaps
 
     def sphere_centers(self, rotation: FloatArray, position: FloatArray) -> FloatArray:
         """Return the centres of the bounding spheres of all S shapes, shape (N, S, 3) [m]."""
@@ -283,7 +409,10 @@ class BodyShapes:
         Closer than `sphere_distances` where a shape is long or flat.
         """
         if self._native is not None:
-            return self._native.box_gaps(rotation, position, row, pairs)
+            gaps = np.empty(len(pairs))
+            indices = len(pairs), _integers(row), _integers(pairs)
+            self._native.call(_box_gaps, rotation, position, *indices, gaps)
+            return gaps
         centers, radii = self._spheres
         bodies, bounds = self._bodies[pairs], []
         rotations, positions = rotation[row[:, None], bodies], position[row[:, None], bodies]
@@ -316,12 +445,11 @@ class BodyShapes:
     @cached_property
     def _native(self) -> NativeShapes | None:
         """The same shapes for the native library; None without the library."""
-        if not IS_NATIVE:
-            return None
-        radius = np.array([shape.shape.radius for shape in self.shapes])
-        vertices, boxes = [shape.shape.vertices for shape in self.shapes], self._boxes
-        boxed = (boxes.axes, boxes.center, boxes.half)
-        return NativeShapes(ShapeArrays(self._bodies, vertices, radius, *self._spheres, *boxed))
+        return NativeShapes.of(self) if IS_NATIVE else None
+
+    def _workspace(self) -> FloatArray:
+        """Return memory for the centres of all spheres in a configuration."""
+        return np.empty((len(self.shapes), 3))
 
     @cached_property
     def _spheres(self) -> tuple[FloatArray, FloatArray]:
@@ -333,45 +461,5 @@ def _rows(pairs: IntArray, row: IntArray | None) -> IntArray:
     return np.arange(len(pairs)) if row is None else row
 
 
-# Without the native library configurations are visited coarse to fine, with these strides: a
-# neighbour visited before provides a direction that separates a pair.
-_STRIDES = (64, 16, 4, 1)
-
-
-def near_distances(
-    checker: BodyShapes, q: FloatArray, pairs: IntArray, matters: FloatArray, known: FloatArray
-) -> FloatArray:
-    """Return distances of all pairs in configurations q (N, n) that follow each other, (N, P) [m].
-
-    Distances below `matters` (N, P) [m] are exact. Others are lower bounds: `known` ones (N, P)
-    [m], from spheres, or along a direction that separates the pair.
-    """
-    poses = checker.robot.body_poses(q)
-    native = checker.near_distances(*poses, pairs, matters, known)
-    if native is not None:
-        return native
-    rotation, position = poses
-    bound = np.maximum(checker.sphere_distances(*poses, pairs), known)
-    near = bound < matters
-    direction, is_measured = np.zeros((*bound.shape, 3)), np.zeros(bound.shape, dtype=bool)
-    before = len(q)
-    for stride in _STRIDES:
-        samples = np.arange(0, len(q), stride)
-        samples = samples[(samples % before != 0) | (before == len(q))]
-        row, pair = np.nonzero(near[samples])
-        row = samples[row]
-        last = row - row % before
-        has_direction = np.flatnonzero(is_measured[last, pair])
-        direction[row, pair] = direction[last, pair]
-        is_measured[row, pair] = True
-        at = (row[has_direction], pair[has_direction])
-        along = checker.separations_along(*poses, pairs[at[1]], direction[at], at[0])
-        bound[at] = np.maximum(bound[at], along)
-        close = bound[row, pair] < matters[row, pair]
-        for i in np.unique(row[close]):
-            columns = pair[close & (row == i)]
-            bound[i, columns], direction[i, columns] = checker.separations(
-                rotation[i], position[i], pairs[columns]
-            )
-        before = stride
-    return bound
+def _integers(array: IntArray) -> IntArray:
+    return np.ascontiguousarray(array, dtype=np.int64)

@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.geometry.body_shapes import near_distances
 from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.distances import ClosestPoints
 from tubeplanner.optimizer.phased_spline import (
@@ -357,7 +356,7 @@ class LinkConstraints:
         Distances of pairs too far to be watched are lower bounds: the known ones, from spheres, or
         along the direction that separates the pair at a configuration near by.
         """
-        return near_distances(self._checker, q, self._pairs, required + _WATCHED, bounds)
+        return self._checker.near_distances(q, self._pairs, required + _WATCHED, bounds)
 
 
 @dataclass(frozen=True, eq=False)

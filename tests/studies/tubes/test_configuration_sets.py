@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from tubeplanner.native.library import LIBRARY, NativeLibrary
+from tubeplanner.native.library import LIBRARY
 from tubeplanner.orientation import rotation_matrix
 from tubeplanner.studies.tubes import configuration_sets as tool_moves
 from tubeplanner.studies.tubes.branch_neighbourhood import folding_joints, is_determined
 from tubeplanner.studies.tubes.clearance_bounds import PairClearance
-from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet, WantedTools, moved_tools
-from tubeplanner.studies.tubes.counterexamples import Box, BoxSearch
+from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet, moved_tools
+from tubeplanner.studies.tubes.segment_search import Box, BoxSearch
 
 NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="no native library")
 COUNT = 200
@@ -32,14 +32,14 @@ def test_moves_are_those_of_numpy(name, components, close, monkeypatch, bundled)
     q[: COUNT // 4] = np.round(q[: COUNT // 4] - start) * 0.5 + start  # some at their bounds
     q = np.clip(q, *bounds)
     rotation, tool = robot.tool_pose(start[None])
-    wanted = WantedTools(tool + rng.normal(scale=0.1, size=(COUNT, 3)))
+    wanted, turn = tool + rng.normal(scale=0.1, size=(COUNT, 3)), None
     if components is not None:
         reference = rotation @ rotation_matrix(rng.normal(scale=0.2, size=(COUNT, 3)))
         turned = rng.normal(scale=0.2, size=(COUNT, 3))
-        wanted = WantedTools(wanted.position, reference, turned, np.array(components))
-    found = moved_tools(robot, q, bounds, wanted, np.array(close))
-    monkeypatch.setattr(tool_moves, "LIBRARY", NativeLibrary(None, ""))
-    expected = moved_tools(robot, q, bounds, wanted, np.array(close))
+        turn = reference, turned, np.array(components)
+    found = moved_tools(robot, q, bounds, wanted, np.array(close), turn)
+    monkeypatch.setattr(tool_moves, "_move", None)
+    expected = moved_tools(robot, q, bounds, wanted, np.array(close), turn)
     apart = abs(found - expected).max(axis=1)
     assert (abs(expected - q).max(axis=1) > 0.05).mean() > 0.5
     # A bound that is just met or not lets a few paths part.
@@ -53,9 +53,10 @@ def test_tools_get_where_they_are_wanted(bundled):
     rotation, tool = robot.tool_pose(start + rng.uniform(-0.1, 0.1, (COUNT, 7)))
     vector = rng.uniform(-0.1, 0.1, (COUNT, 3))
     reference = rotation @ rotation_matrix(vector).transpose(0, 2, 1)
-    wanted = WantedTools(tool, reference, vector, np.ones(3, dtype=bool))
+    turn = reference, vector, np.ones(3, dtype=bool)
     bounds, q = (start - 1, start + 1), np.tile(start, (COUNT, 1))
-    turned, placed = robot.tool_pose(moved_tools(robot, q, bounds, wanted, np.full(2, 1e-6)))
+    moved = moved_tools(robot, q, bounds, tool, np.full(2, 1e-6), turn)
+    turned, placed = robot.tool_pose(moved)
     assert abs(placed - tool).max() < 2e-6
     assert abs(turned - rotation).max() < 2e-6
 

@@ -6,9 +6,8 @@ import pytest
 from tubeplanner import MeasureOptions
 from tubeplanner.first_guess.branches import redundancy_rules, reference_branch
 from tubeplanner.studies.tubes.branch_neighbourhood import BranchNeighbourhood
-from tubeplanner.studies.tubes.clearance_bounds import PairClearance
+from tubeplanner.studies.tubes.clearance_bounds import PairClearance, search_counterexamples
 from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet
-from tubeplanner.studies.tubes.counterexamples import search_counterexamples
 from tubeplanner.studies.tubes.segment_search import KeptSegments
 
 QUICK = MeasureOptions(samples=300)

@@ -21,10 +21,10 @@ from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.studies.tubes.clearance_bounds import PairClearance
-from tubeplanner.studies.tubes.counterexamples import Box
 from tubeplanner.studies.tubes.measurement_result import Binding, MeasureOptions, SegmentMeasurement
 from tubeplanner.studies.tubes.segment_search import (
     WANTED_RANGE,
+    Box,
     Collision,
     CollisionBoxes,
     KeptSegments,

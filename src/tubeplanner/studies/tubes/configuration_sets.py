@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
-from tubeplanner.native.library import LIBRARY, Bytes, Doubles, native_function
+from tubeplanner.native.library import Bytes, Doubles, native_function
 from tubeplanner.orientation import inverse_right_jacobian, rotation_vector
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
@@ -101,15 +101,12 @@ class ConfigurationSet:
         [rad], or any rotation; `near` is the tolerance as a fraction of that for samples.
         """
         close = near * np.array([_NEAR_FRACTION * self.radius, _NEAR_TURN]) + _INSIDE
-        target, tube, bounds = (
-            WantedTools(targets),
-            self.problem.tube.rotation,
-            self._rotation_bounds,
-        )
+        tube, bounds, rotation = self.problem.tube.rotation, self._rotation_bounds, None
         if tube is not None and bounds is not None and rotations is not None:
             counts = np.isfinite(bounds[:3]) | np.isfinite(bounds[3])
-            target = WantedTools(targets, tube.reference(targets, self.segment), rotations, counts)
-        return moved_tools(self.problem.robot, q, (self.lower, self.upper), target, close)
+            rotation = tube.reference(targets, self.segment), rotations, counts
+        ranges = self.lower, self.upper
+        return moved_tools(self.problem.robot, q, ranges, targets, close, rotation)
 
     @property
     def _rotation_bounds(self) -> FloatArray | None:
@@ -145,31 +142,21 @@ _MAX_STEP = 0.4  # [rad or m] of any joint
 _STILL = 1e-5  # [rad or m]: joints that move less come no nearer
 _DAMPING = 1e-6  # of squared metres and radians
 _SETTINGS = read_only([_MAX_STEPS, _MAX_STEP, _STILL, _DAMPING])
-
-
-@dataclass(frozen=True, eq=False)
-class WantedTools:
-    """Target poses of the tools of N configurations.
-
-    Attributes:
-        position: Shape (N, 3) [m].
-        reference: Reference orientations, shape (N, 3, 3); None: any rotation.
-        vector: Rotation vectors against the reference, in its frame, shape (N, 3) [rad].
-        components: True for the components of the vectors that count, shape (3,).
-    """
-
-    position: FloatArray
-    reference: FloatArray | None = None
-    vector: FloatArray | None = None
-    components: BoolArray | None = None
+_move = native_function(
+    "tubeplanner_move_tools",
+    *(Doubles, c_int64, c_int64, Doubles, Doubles, Doubles, Doubles, c_int64),
+    *(Doubles, Doubles, Doubles, Bytes, Doubles),
+    returns=c_int,
+)
 
 
 def moved_tools(
     robot: RobotModel,
     q: FloatArray,
     bounds: tuple[FloatArray, FloatArray],
-    targets: WantedTools,
+    position: FloatArray,
     close: FloatArray,
+    rotation: tuple[FloatArray, FloatArray, BoolArray] | None = None,
 ) -> FloatArray:
     """Return configurations whose tools are at their targets, or as near as joints let the tools.
 
@@ -177,23 +164,26 @@ def moved_tools(
         robot: The arm.
         q: Configurations to start from, shape (N, n), within the bounds.
         bounds: Lower and upper joint bounds, shape (n,) each.
-        targets: Target poses.
+        position: Target positions, shape (N, 3) [m].
         close: Tolerances of position [m] and rotation [rad], shape (2,).
+        rotation: Reference orientations (N, 3, 3), target rotation vectors against these, in their
+            frames, (N, 3) [rad], and True for the components that count (3,); None: any rotation.
 
     Returns:
         Shape (N, n).
     """
-    rotation = None
-    if targets.reference is not None and targets.vector is not None:
-        assert targets.components is not None
-        rotation = targets.reference, targets.vector, targets.components
-    if LIBRARY.functions is not None:
-        table, joints = robot.tool_joints, (q, *bounds)
-        return native_moved_tools(table, _SETTINGS, close, joints, targets.position, rotation)
+    if _move is not None:
+        table, position = robot.tool_joints, np.ascontiguousarray(position)
+        q, lower, upper = (np.array(each, dtype=float, order="C") for each in (q, *bounds))
+        targets = (None, None, None) if rotation is None else map(np.ascontiguousarray, rotation)
+        arm = table, len(table), q.shape[1], _SETTINGS, close, lower, upper
+        if _move(*arm, len(q), position, *targets, q):
+            raise MemoryError
+        return q
     q, live = q.copy(), np.arange(len(q))
     for _ in range(_MAX_STEPS):
         orientation, tool, jacobian = robot.tool_pose_jacobian(q[live])
-        error, turning = targets.position[live] - tool, jacobian[:, 3:]
+        error, turning = position[live] - tool, jacobian[:, 3:]
         jacobian = jacobian[:, :3]
         if rotation is not None:
             reference, target, counts = rotation
@@ -226,41 +216,3 @@ def _stepped(
         jacobian = np.where(outward[:, None], 0.0, jacobian)
     largest = np.maximum(abs(step).max(axis=1, keepdims=True), _MAX_STEP)
     return np.clip(q + step * (_MAX_STEP / largest), lower, upper)
-
-
-# ---- Joints moved until tools reach their targets, compiled.
-_MOVE = native_function(
-    "tubeplanner_move_tools",
-    *(Doubles, c_int64, c_int64, Doubles, Doubles, Doubles, Doubles, c_int64),
-    *(Doubles, Doubles, Doubles, Bytes, Doubles),
-    returns=c_int,
-)
-
-
-def native_moved_tools(
-    table: FloatArray,
-    settings: FloatArray,
-    close: FloatArray,
-    joints: tuple[FloatArray, FloatArray, FloatArray],
-    position: FloatArray,
-    rotation: tuple[FloatArray, FloatArray, BoolArray] | None,
-) -> FloatArray:
-    """Return configurations (N, n) whose tools are at their targets, or near.
-
-    Args:
-        table: The joints that move the tool, the last body of all; see `native.kinematics`.
-        settings: `_SETTINGS`, in the order in which the sources have them.
-        close: Tolerances of position [m] and rotation [rad], shape (2,).
-        joints: Configurations (N, n) to start from, lower and upper bounds (n,).
-        position: Target positions, shape (N, 3) [m].
-        rotation: References (N, 3, 3), target rotation vectors (N, 3) [rad] and the components of
-            these that count (3,); None: any rotation.
-    """
-    assert _MOVE is not None
-    q, lower, upper = (np.array(values, dtype=float, order="C") for values in joints)
-    position = np.ascontiguousarray(position)
-    target = (None, None, None) if rotation is None else map(np.ascontiguousarray, rotation)
-    bounds = close, lower, upper
-    if _MOVE(table, len(table), q.shape[1], settings, *bounds, len(q), position, *target, q):
-        raise MemoryError
-    return q

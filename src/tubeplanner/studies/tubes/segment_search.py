@@ -15,15 +15,114 @@ from typing import TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.studies.tubes.clearance_bounds import PairClearance
-from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet
-from tubeplanner.studies.tubes.counterexamples import (
-    Box,
-    BoxSearch,
+from tubeplanner.studies.tubes.clearance_bounds import (
     CounterexampleSearch,
+    PairClearance,
     search_counterexamples,
 )
+from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet
 from tubeplanner.task.problem import PlanningProblem
+
+# ---- The largest box around a core that leaves out all of some points.
+#
+# A box reaches from its core by one extent per direction; a point is left out if it lies beyond the
+# extent in at least one direction.
+
+# Spread of the logarithms of random speeds, and its factor from one search to the next.
+_FIRST_SPREAD, _CALMING, _MIN_SPREAD = 0.8, 0.95, 0.3
+# Margins grow from search to search: the box shrinks until searches find no point.
+_MARGIN_GROWTH = 1.05
+_NO_SPEED = 1e-12
+_FIRST_DRAWS, _LATER_DRAWS = 200, 60
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """The extents of a box in c directions, and the points that end it.
+
+    Attributes:
+        extent: Shape (c,).
+        blocker: Index of the point that ends the box in each direction, -1 for none, shape (c,).
+    """
+
+    extent: FloatArray
+    blocker: IntArray
+
+    @property
+    def has_choice(self) -> bool:
+        """True if the box might reach farther in a direction at the cost of another."""
+        return bool((self.blocker >= 0).any() and (self.extent > 0).sum() > 1)
+
+
+class BoxSearch:
+    """The search for the best of many boxes; points may be added between searches."""
+
+    def __init__(
+        self,
+        margin: FloatArray,
+        worth: FloatArray,
+        enough: FloatArray,
+        already: FloatArray,
+        rng: np.random.Generator,
+    ) -> None:
+        """Set the goals in each of c directions.
+
+        Args:
+            margin: Distance of a box from the point that ends it, as far as there is space, shape
+                (c,); it grows from search to search.
+            worth: Weight of the logarithm of each size.
+            enough: Extents beyond which more counts nothing.
+            already: Sizes at extent zero; positive.
+            rng: Random numbers, for the speeds at which boxes grow in each direction.
+        """
+        self._margin, self._rng = margin, rng
+        self._worth, self._enough, self._already = worth, enough, already
+        self._speed = enough
+        self._draws, self._spread = _FIRST_DRAWS, _FIRST_SPREAD
+
+    def best(self, beyond: FloatArray, within: Box) -> Box:
+        """Return the best box found that leaves out points.
+
+        Args:
+            beyond: Distances of points beyond the core in each direction, shape (B, c); at least
+                one entry of each row is positive.
+            within: A box that holds the result; where extents are equal, so are blockers.
+        """
+        inside = np.flatnonzero((beyond <= within.extent).all(axis=1))
+        best = self._grown(beyond, inside, within, self._speed)
+        for _ in range(self._draws):
+            speed = self._speed * np.exp(self._spread * self._rng.normal(size=len(self._speed)))
+            box = self._grown(beyond, inside, within, speed)
+            if self._value(box) > self._value(best):
+                best, self._speed = box, speed
+        self._margin = _MARGIN_GROWTH * self._margin
+        self._draws, self._spread = _LATER_DRAWS, max(self._spread * _CALMING, _MIN_SPREAD)
+        return best
+
+    def _value(self, box: Box) -> float:
+        sizes = self._already + np.minimum(box.extent, self._enough)
+        return float(self._worth @ np.log(sizes))
+
+    def _grown(self, beyond: FloatArray, rows: IntArray, within: Box, speed: FloatArray) -> Box:
+        """Return the box that grows at a speed (c,) in each direction until points stop growth.
+
+        Of the points (B, c), those in `rows` are inside `within`.
+        """
+        extent, blocker = within.extent.copy(), within.blocker.copy()
+        # When the box reaches points in each direction; a point is inside from the last one on.
+        time = np.maximum(beyond[rows], 0.0) / np.maximum(speed, _NO_SPEED)
+        while len(rows):
+            row = int(time.max(axis=1).argmin())
+            direction = int(time[row].argmax())
+            ends = beyond[rows[row], direction]
+            extent[direction] = max(ends - self._margin[direction], ends / 2)
+            blocker[direction] = rows[row]
+            inside = beyond[rows, direction] <= extent[direction]
+            rows, time = rows[inside], time[inside]
+        return Box(extent, blocker)
+
+
+# ---- The largest set of one segment.
 
 # The set reaches this far beyond what the branch itself needs [m], [rad or m]; where it is free,
 # its ranges reach the farther one.
