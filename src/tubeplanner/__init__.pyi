@@ -139,9 +139,9 @@ from .execution.simulation import Execution as Execution  # returned
 from .execution.run_verdict import judged_runs as judged_runs
 from .execution.run_verdict import JudgedRun as JudgedRun  # returned
 from .execution.simulation import executed_cycle as executed_cycle
-from .execution.cycle_verdict import judged_cycle as judged_cycle
-from .execution.cycle_verdict import JudgedCycle as JudgedCycle  # returned
-from .execution.cycle_verdict import HandoverErrors as HandoverErrors  # returned
+from .execution.run_verdict import judged_cycle as judged_cycle
+from .execution.run_verdict import JudgedCycle as JudgedCycle  # returned
+from .execution.run_verdict import HandoverErrors as HandoverErrors  # returned
 from .execution.run_verdict import run_verdict as run_verdict
 from .execution.run_verdict import RunVerdict as RunVerdict  # returned
 from .planning.tightening import Survival as Survival  # returned

@@ -11,7 +11,12 @@ from stored_trajectories import REFINEMENT
 from tubeplanner import LimitOverrides, OptionError, load_robot
 from tubeplanner.execution import tracking
 from tubeplanner.execution.plants import Draw, Stage, drawn_plants
-from tubeplanner.execution.simulation import cycle_stages, executed, executed_cycle, executed_stages
+from tubeplanner.execution.simulation import (
+    executed,
+    executed_cycle,
+    executed_stages,
+    motion_stages,
+)
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.demands import CONTROLLERS, PD, Robustness
 from tubeplanner.task.steps import Attach, Detach, Event
@@ -209,7 +214,7 @@ def tip_masses(stage):
 
 
 def stages_of(cycle, draw=RUNS, **errors):
-    return cycle_stages(motion_of(cycle), Robustness.exact(**errors), draw)
+    return motion_stages(motion_of(cycle), Robustness.exact(**errors), draw)
 
 
 def test_a_stage_begins_where_something_changes_hands(tmp_path):
@@ -230,7 +235,7 @@ def test_a_stage_begins_where_something_changes_hands(tmp_path):
 
 def test_a_run_is_one_arm_all_along(tmp_path):
     cycle = picking(tmp_path)
-    stages = cycle_stages(motion_of(cycle), Robustness(), Draw(3, 1))
+    stages = motion_stages(motion_of(cycle), Robustness(), Draw(3, 1))
     alone = drawn_plants(slide(tmp_path), Robustness(), Draw(3, 1))
     for stage in stages:
         for plant, one in zip(stage.plants, alone, strict=True):
@@ -378,7 +383,7 @@ def test_a_part_that_is_heavier_than_thought_pulls_the_tool_down_where_it_is_tak
     away = behind(motion.trajectory, execution)[:, :, LIFT]
     held, taken = (np.searchsorted(execution.time, ATTACH + late) for late in (-0.001, DWELL))
     assert away[:, held].max() < 1e-4
-    loaded = cycle_stages(motion, errors, Draw(1, 3))[1].plants
+    loaded = motion_stages(motion, errors, Draw(1, 3))[1].plants
     wrong = abs(loaded[0].bodies[TIP].mass - 1.0 - PART.mass)
     assert wrong > 0.05
     # Three equal poles of 30 rad/s under a constant force.

@@ -8,7 +8,7 @@ from cases import SLIDE, rest_to_rest
 
 from tubeplanner import Tube, load_robot
 from tubeplanner.execution.plants import Draw
-from tubeplanner.execution.simulation import AFTERWARDS, Execution, cycle_stages
+from tubeplanner.execution.simulation import AFTERWARDS, Execution, motion_stages
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.cycle import Cycle
@@ -74,5 +74,5 @@ def followed_cycle(motion, runs=1, period=0.004):
     time = np.arange(0.0, motion.trajectory.duration + AFTERWARDS, period)
     planned = motion.trajectory.position(np.minimum(time, motion.trajectory.duration))
     q = np.array([planned] * runs)
-    plants = cycle_stages(motion, Robustness.exact(), Draw(runs))[0].plants
+    plants = motion_stages(motion, Robustness.exact(), Draw(runs))[0].plants
     return Execution(plants, time, q, np.zeros_like(q), np.zeros_like(q), q > np.inf)

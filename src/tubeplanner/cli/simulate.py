@@ -11,10 +11,16 @@ import click
 
 from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
-from tubeplanner.execution.cycle_verdict import JudgedCycle, judged_cycle
 from tubeplanner.execution.mujoco_model import require_mujoco
 from tubeplanner.execution.plants import Draw, drawn_plants
-from tubeplanner.execution.run_verdict import JudgedRun, judged_runs, run_verdict, summaries
+from tubeplanner.execution.run_verdict import (
+    JudgedCycle,
+    JudgedRun,
+    judged_cycle,
+    judged_runs,
+    run_verdict,
+    summaries,
+)
 from tubeplanner.execution.simulation import executed, executed_cycle
 from tubeplanner.output.figures.execution_figures import plot_cycle_execution, plot_execution
 from tubeplanner.output.figures.figure_files import figure_file, require_figure

@@ -30,7 +30,7 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.demands import COMPUTED_TORQUE, Robustness
-from tubeplanner.task.motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion, Motion, ProblemMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach, Detach
 from tubeplanner.text import short_repr
@@ -115,18 +115,8 @@ def executed_stages(
     A stage begins with the control period that contains its time; of stages in one period the last
     counts. Positions, velocities and delayed efforts stay.
 
-    Args:
-        stages: The stages in order, the first from zero on; its plants are those of the execution.
-        trajectory: As for `executed`.
-        controller: As for `executed`; it knows the payloads of the stages' robots.
-        control_period: As for `executed`.
-        checkpoint: As for `executed`.
-        bandwidth: As for `executed`.
-
-    Raises:
-        OptionError: As `executed`.
-        RobotError: As `executed`.
-        TrajectoryError: As `executed`.
+    Args and errors are those of `executed`; the first stage begins at zero, and its plants are
+    those of the execution.
     """
     step = control_period / _STEPS if is_number(control_period) else np.nan
     if not _MIN_PERIOD <= step * _STEPS <= _MAX_PERIOD:
@@ -207,11 +197,11 @@ class _Run:
             self._arms.move(effort, np.flatnonzero((abs(v) < _LOST).all(axis=1)))
 
 
-# ---- Execution of cycles: the arms are drawn once, their loads change from step to step.
+# ---- Execution of whole motions: the arms are drawn once, their loads change from step to step.
 
 
 def executed_cycle(
-    motion: CycleMotion,
+    motion: Motion,
     errors: Robustness,
     draw: Draw | None = None,
     checkpoint: Callable[[], None] = lambda: None,
@@ -222,7 +212,7 @@ def executed_cycle(
     controller knows the nominal payloads, not their errors.
 
     Args:
-        motion: The planned motion.
+        motion: The planned motion, of a cycle or of a problem.
         errors: Sizes of the errors, and the controller.
         draw: Number and seed of the arms; None: 50, from seed 0.
         checkpoint: Called in every control period; may raise to end the work.
@@ -231,22 +221,20 @@ def executed_cycle(
         OptionError: MuJoCo is not installed.
         RobotError: Joints of the robot follow others.
     """
-    stages = cycle_stages(motion, errors, draw or Draw())
+    stages = motion_stages(motion, errors, draw or Draw())
     controlled = (errors.controller, errors.control_period)
     return executed_stages(stages, motion.trajectory, *controlled, checkpoint, errors.bandwidth)
 
 
-def cycle_stages(motion: CycleMotion, errors: Robustness, draw: Draw) -> list[Stage]:
-    """Return the stages of a cycle's execution: a new one where the controller's model changes.
+def motion_stages(motion: Motion, errors: Robustness, draw: Draw) -> list[Stage]:
+    """Return the stages of an execution: a new one where the controller's model changes.
 
     Every run is one arm all along. Every attached object has a mass error of its own in each run,
     the same each time it is attached.
-
-    Args:
-        motion: The planned motion.
-        errors: Sizes of the errors.
-        draw: Number and seed of the arms.
     """
+    if isinstance(motion, ProblemMotion):
+        robot = motion.task.robot
+        return [Stage(0.0, robot, drawn_plants(robot, errors, draw))]
     # Unmodelled friction is drawn relative to the limits. So the arm without attached payloads has
     # the widest limits of all moves: a move slowed by its limits has the same motors.
     robots = [move.robot for leg in motion.cycle.legs for move in leg.moves]
@@ -259,50 +247,34 @@ def cycle_stages(motion: CycleMotion, errors: Robustness, draw: Draw) -> list[St
     factors = _payload_factors(motion.cycle, errors, draw)
     loaded: dict[frozenset[tuple[str, Payload]], list[Plant]] = {}
     stages: list[Stage] = []
-    for arm in _arms(motion):
-        load = frozenset(arm.payloads.items())
+    for begin, model, payloads in _arms(motion):
+        load = frozenset(payloads.items())
         if load not in loaded:
             loaded[load] = []
             for run, plant in enumerate(plants):
                 bodies = list(plant.bodies)
-                for name, payload in arm.payloads.items():
+                for name, payload in payloads.items():
                     body = payload_body(robot, payload).scaled(factors[name][run])
                     bodies[carrier] = bodies[carrier].plus(body)
                 loaded[load].append(replace(plant, bodies=tuple(bodies)))
-        stage = Stage(arm.begin, arm.robot, loaded[load])
-        if not stages or stages[-1].robot is not stage.robot:
-            stages.append(stage)
+        if not stages or stages[-1].robot is not model:
+            stages.append(Stage(begin, model, loaded[load]))
     return stages
 
 
-@dataclass(frozen=True, eq=False)
-class _Arm:
-    """The arm of the plan from a time on.
-
-    Attributes:
-        begin: The time [s].
-        robot: The arm with its load.
-        payloads: The payloads that steps have attached, by name.
-    """
-
-    begin: float
-    robot: RobotModel
-    payloads: Mapping[str, Payload]
-
-
-def _arms(motion: CycleMotion) -> Iterator[_Arm]:
-    """Yield the arm at every junction, before its steps and after each step."""
+def _arms(motion: CycleMotion) -> Iterator[tuple[float, RobotModel, Mapping[str, Payload]]]:
+    """Yield begin [s], arm and attached payloads at every junction, before and after each step."""
     payloads: Mapping[str, Payload] = {}
     times = iter([mark.time for mark in motion.marks if mark.kind != MOVE])
     for junction, begin in enumerate([0.0, *(end for _, end in motion.leg_times)]):
         stop = motion.cycle.stop_at(junction)
-        yield _Arm(begin, stop.arms[0], payloads)
+        yield begin, stop.arms[0], payloads
         for step, robot in zip(stop.steps, stop.arms[1:], strict=True):
             if isinstance(step, Attach) and step.payload is not None:
                 payloads = {**payloads, step.name: step.payload}
             elif isinstance(step, Detach):
                 payloads = {name: load for name, load in payloads.items() if name != step.name}
-            yield _Arm(next(times), robot, payloads)
+            yield next(times), robot, payloads
 
 
 def _payload_factors(cycle: Cycle, errors: Robustness, draw: Draw) -> dict[str, list[float]]:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.execution.cycle_verdict import executed_legs
 from tubeplanner.execution.excursions import additional_distances, obstacle_distances, tube_margins
+from tubeplanner.execution.run_verdict import executed_legs
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.task.motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem

@@ -39,6 +39,13 @@ class MotionSection:
     begin: float = 0.0
     leg: Leg | None = None
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the moves, or of the problem."""
+        if self.leg is None:
+            return (self.problem.name,)
+        return tuple(move.name for move in self.leg.moves)
+
     def inside(self, time: FloatArray) -> IntArray:
         """Return the indices of the times (K,) [s] of the whole motion that are in the section."""
         late = time > self.begin + self.trajectory.duration * (1 + 1e-12)

@@ -9,7 +9,7 @@ from simulated_cycle import DURATION, DWELL, followed_cycle, motion_of, picking
 from stored_trajectories import REFINEMENT
 
 from tubeplanner import OptionError, OutputError, judged_runs, plot_execution, verify
-from tubeplanner.execution.cycle_verdict import judged_cycle
+from tubeplanner.execution.run_verdict import judged_cycle
 from tubeplanner.output.drawing import EXECUTED_COLOR, WARNING_COLOR
 from tubeplanner.output.execution_curves import (
     cycle_executed_paths,

@@ -9,8 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
-from tubeplanner.execution.cycle_verdict import ExecutedLeg, JudgedCycle, executed_legs
-from tubeplanner.execution.run_verdict import JudgedRun, run_verdict
+from tubeplanner.execution.run_verdict import (
+    ExecutedLeg,
+    JudgedCycle,
+    JudgedRun,
+    executed_legs,
+    run_verdict,
+)
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.output.curves import cycle_timeline, segments_per_group, trajectory_curves

@@ -18,10 +18,14 @@ from simulated_cycle import (
     slide,
 )
 
-from tubeplanner.execution.cycle_verdict import executed_legs, handover_errors, judged_cycle
 from tubeplanner.execution.excursions import Extreme
 from tubeplanner.execution.plants import Draw
-from tubeplanner.execution.run_verdict import judged_runs
+from tubeplanner.execution.run_verdict import (
+    executed_legs,
+    handover_errors,
+    judged_cycle,
+    judged_runs,
+)
 from tubeplanner.execution.simulation import executed_cycle
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.demands import Robustness
