@@ -94,7 +94,7 @@ compare:
     --trajectories OUT/all
   - a.json a.png all/refinement.json all/bang-bang.json
   - studies.comparison:_row
-measure: [measure PROBLEM -o OUT/a.yaml, a.yaml, cli.measure:measure_tube]
+measure: [measure PROBLEM -o OUT/a.yaml, a.yaml, cli.tubes:measure_tube]
 place:
   - place PROBLEM --region=-0.02,0.02,0,0 --stands-on none --points 8 --quality fast --processes 1
     -o OUT/a.yaml PNG

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from tubeplanner.errors import OutputError
+from tubeplanner.errors import OptionError, OutputError
 
 
 @contextmanager
@@ -213,6 +213,14 @@ def require_writable(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> No
                 f"output {path}: the folder {target.parent} cannot be written to; name a file in "
                 "another folder"
             )
+
+
+def require_ending(path: Path | None, option: str, endings: Sequence[str]) -> None:
+    """Raise OptionError unless an output file's name, if any, has one of the endings, if any."""
+    if path is not None and endings and path.suffix.lower() not in endings:
+        *others, last = endings
+        listed = f"{', '.join(others)} or {last}" if others else last
+        raise OptionError(f"{option} {path}: name a file that ends in {listed}")
 
 
 def write_files(contents: Mapping[Path, bytes], folder: Path | None = None) -> None:

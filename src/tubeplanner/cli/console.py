@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import click
 
@@ -19,11 +20,13 @@ from tubeplanner import __version__
 from tubeplanner.cli.interrupts import hold_interrupts, interrupts_remembered, raise_unheld
 from tubeplanner.errors import OptionError, OutputError, TubePlannerError, on_one_line
 from tubeplanner.outcome import Location
-from tubeplanner.writing import write_files
+from tubeplanner.writing import require_ending, require_writable, write_files
 
 if TYPE_CHECKING:
     from tubeplanner.task.cycle import Cycle
     from tubeplanner.task.problem import PlanningProblem
+
+_Loaded = TypeVar("_Loaded")
 
 # ---- Options and their checks; exit status.
 
@@ -127,16 +130,6 @@ def processes_option(default: str) -> Callable[[Any], Any]:
     )
 
 
-def require_ending(path: Path | None, option: str, endings: tuple[str, ...]) -> None:
-    """Raise unless the name of an output file is None or has an allowed ending.
-
-    Raises:
-        OptionError: The ending is not allowed.
-    """
-    if path is not None and path.suffix.lower() not in endings:
-        raise OptionError(f"{option} {path}: name a file that ends in {' or '.join(endings)}")
-
-
 def require_used(changes: Iterable[str], slack: float | None) -> None:
     """Raise OptionError if --set changes an objective that the shortest motions ignore."""
     from tubeplanner.task.field_changes import is_of_objective
@@ -157,12 +150,10 @@ def load_timed(
     reads_tube: bool = True,
 ) -> "tuple[PlanningProblem, float]":
     """Return a problem with changes by field path, and the loading time [s]."""
-    begin = time.perf_counter()
-    enter("loading robot and collision geometry")
     from tubeplanner.task.problem_reader import load_problem
 
-    problem = load_problem(name, reads_tube=reads_tube, changes=changes)
-    return problem, time.perf_counter() - begin
+    load = partial(load_problem, name, reads_tube=reads_tube, changes=changes)
+    return _timed(load, enter)
 
 
 def load_either_timed(
@@ -173,12 +164,16 @@ def load_either_timed(
     reads_tube: bool | None = True,
 ) -> "tuple[PlanningProblem | Cycle, float]":
     """Return the problem or cycle of a file, changed by field path, and the loading time [s]."""
-    begin = time.perf_counter()
-    enter("loading robot and collision geometry")
     from tubeplanner.task.cycle_file import load_problem_or_cycle
 
-    loaded = load_problem_or_cycle(name, reads_tube=reads_tube, changes=changes)
-    return loaded, time.perf_counter() - begin
+    load = partial(load_problem_or_cycle, name, reads_tube=reads_tube, changes=changes)
+    return _timed(load, enter)
+
+
+def _timed(load: Callable[[], _Loaded], enter: Callable[[object], None]) -> tuple[_Loaded, float]:
+    begin = time.perf_counter()
+    enter("loading robot and collision geometry")
+    return load(), time.perf_counter() - begin
 
 
 @contextmanager
@@ -371,6 +366,69 @@ def internal_error(error: Exception) -> str:
 def unless_failed(path: Path | None) -> Path | None:
     """Return the path of a requested file, or None if writing failed."""
     return None if path in answer_files().failures else path
+
+
+class Request(NamedTuple):
+    """An output file that an option may request.
+
+    Attributes:
+        kind: Noun for it.
+        path: Where it goes; None: it is not requested.
+        option: The option, with an example of its value where that helps; empty: an option that
+            is not named where nothing is written.
+        endings: Allowed endings of its name; none: any.
+    """
+
+    kind: str
+    path: Path | None
+    option: str = ""
+    endings: tuple[str, ...] = ()
+
+
+class OutputFiles:
+    """The output files that a command's options request, the most valuable first.
+
+    Attributes:
+        paths: Of the requested files, by kind.
+        written: Of the written files, by kind.
+
+    Raises:
+        OptionError: On construction, if a name has another ending than its option allows.
+        OutputError: On construction, if a file cannot be written, or is one of the inputs.
+    """
+
+    def __init__(self, *requests: Request, inputs: Iterable[str | Path] = ()) -> None:
+        for each in requests:
+            require_ending(each.path, each.option.partition(" ")[0], each.endings)
+        self.paths = {each.kind: each.path for each in requests if each.path is not None}
+        self._options = [each.option for each in requests if each.option]
+        self.written: dict[str, Path] = {}
+        self.spare(inputs)
+
+    def spare(self, inputs: Iterable[str | Path]) -> None:
+        """Raise OutputError if a file cannot be written, or is one of the inputs."""
+        require_writable(list(self.paths.values()), list(map(Path, inputs)))
+
+    def write(
+        self, contents: Mapping[str, Callable[[Path], bytes]], *, is_held: bool = True
+    ) -> None:
+        """Write the requested files from functions by kind; hold Ctrl-C before, unless told not."""
+        if is_held:
+            hold_interrupts()
+        paths = {kind: path for kind, path in self.paths.items() if kind in contents}
+        write_answer(*(Output(kind, path, contents[kind]) for kind, path in paths.items()))
+        self.written = {kind: path for kind, path in paths.items() if unless_failed(path)}
+
+    def path_text(self, kind: str) -> str | None:
+        """Return the path of a written file for JSON; None: it is not written."""
+        return str(self.written[kind]) if kind in self.written else None
+
+    def say(self) -> None:
+        """Print the written files; without files, print the options that would write files."""
+        for kind, path in self.written.items():
+            say(f"{kind}: {path}")
+        if not self.written:
+            say_unwritten(*self._options)
 
 
 class _Table(Protocol):

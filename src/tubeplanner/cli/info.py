@@ -1,8 +1,9 @@
-"""`info`: contents and gaps of a robot, problem or cycle."""
+"""`info`, `links`: contents and gaps of a robot, problem or cycle; collision shapes of links."""
 
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,10 @@ from rich.table import Table
 from tubeplanner.cli import console
 from tubeplanner.cli.report import rendered
 from tubeplanner.errors import OptionError, RobotError
+from tubeplanner.geometry.collision_checker import LinkCover, link_covers
 from tubeplanner.geometry.link_geometry import link_contents
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, open_meshes
-from tubeplanner.output.figures.figure_files import figure_file, require_figure
+from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
 from tubeplanner.output.figures.robot_figure import plot_robot
 from tubeplanner.resources import EXAMPLE_PREFIX
 from tubeplanner.robot.info import (
@@ -43,7 +45,6 @@ from tubeplanner.task.info import (
 from tubeplanner.task.legs import Stop, stop_text
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach
-from tubeplanner.writing import require_writable
 
 _PROBLEM_ENDINGS = (".yaml", ".yml", ".json")
 _TABLED = ("position", "velocity", "effort", "acceleration", "jerk")
@@ -73,9 +74,9 @@ def info(
     frames. Problem: also start, tube, obstacles, payload. Cycle: also moves, stops, carried parts.
     Missing limits are no error here.
     """
-    require_figure(plot, "--plot")
-    if plot is not None:
-        require_writable([plot], [Path(robot)])
+    files = console.OutputFiles(
+        console.Request("plot", plot, "--plot", FIGURE_ENDINGS), inputs=[robot]
+    )
     with console.shown_progress() as enter:
         enter("reading robot")
         if is_problem(robot):
@@ -89,8 +90,8 @@ def info(
         else:
             if changes:
                 raise OptionError(f"--set changes a problem file; {robot} is a robot")
-            files: dict[str, Any] = {"package_dirs": package_dirs, "xacro_args": xacro_args}
-            contents = with_doubts(robot_info(robot, tool_frame, **files))
+            sources: dict[str, Any] = {"package_dirs": package_dirs, "xacro_args": xacro_args}
+            contents = with_doubts(robot_info(robot, tool_frame, **sources))
         enter("meshes")
         meshes, fault = _open_meshes(contents)
         if plot is not None:
@@ -105,13 +106,12 @@ def info(
                 enter("writing")
                 return picture
 
-            console.write_answer(console.Output("plot", plot, drawn))
-            plot = console.unless_failed(plot)
+            files.write({"plot": drawn}, is_held=False)
     if as_json:
         fields = _finite(contents.as_dict())
         message = f"{fields['name']}: {len(fields['missing'])} things missing"
         report = console.empty_report("success", message)
-        more = {"open_meshes": meshes, "plot": None if plot is None else str(plot)}
+        more = {"open_meshes": meshes, "plot": files.path_text("plot")}
         console.print_json({**report, **fields, **more})
         return
     if isinstance(contents, CycleInfo):
@@ -122,8 +122,8 @@ def info(
         console.say(robot_text(contents))
     for note in [*_open_mesh_notes(meshes), *fault]:
         console.say(f"note: {note}")
-    if plot is not None:
-        console.say(f"plot: {plot}")
+    if files.written:
+        files.say()
 
 
 def is_problem(name: str) -> bool:
@@ -469,3 +469,48 @@ def _step_table(cycle: Cycle) -> str:
 def _add_stop(table: Table, stop: Stop) -> None:
     if stop.steps:
         table.add_row(escape(f"at rest: {stop_text(stop)}"), "", "", "", "")
+
+
+# ---- The collision shapes of links.
+
+
+@click.command()
+@click.argument("problem")
+@console.SET
+@console.AS_JSON
+def links(problem: str, changes: dict[str, Any], as_json: bool) -> None:
+    """List each link's collision shapes and their distance from its geometry [mm].
+
+    Then list the pairs of links and obstacles that are not checked, with the reasons.
+    """
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_timed(problem, enter, changes)
+        enter("covers of links")
+        covers = link_covers(loaded.collision)
+    left_out = loaded.collision.left_out
+    if as_json:
+        message = f"{len(covers)} links, {len(left_out)} pairs left out"
+        fields = console.empty_report("success", message) | {"loading_time": loading_time}
+        listed = {"links": [asdict(each) for each in covers]}
+        console.print_json({**fields, **listed, "left_out": [asdict(pair) for pair in left_out]})
+        return
+    console.say(links_text(loaded, covers))
+
+
+def links_text(problem: PlanningProblem, covers: Sequence[LinkCover]) -> str:
+    """Return the cover errors of links as a table, and the pairs that are not checked."""
+    table = Table(title=f"{problem.name}: links and their convex covers", title_justify="left")
+    table.add_column("link")
+    for heading in ("shapes", "stand off by", "where others come near", "by"):
+        table.add_column(heading, justify="right")
+    for each in covers:
+        closer = ("", "")
+        if each.closer_error is not None:
+            closer = (str(each.closer_shapes), f"{1000 * each.closer_error:.2f} mm")
+        error = f"{1000 * each.outer_error:.2f} mm"
+        table.add_row(escape(each.link), str(each.shapes), error, *closer)
+    pairs = [
+        f"not checked: {' and '.join(pair.links)} ({pair.reason})"
+        for pair in problem.collision.left_out
+    ]
+    return "\n".join([rendered(table), *pairs])

@@ -10,7 +10,7 @@ from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.output.files.new_problem_files import starter_text
 from tubeplanner.studies.tubes.starter_problem import starter_problem
 from tubeplanner.task.info import problem_doubts
-from tubeplanner.writing import require_writable, write_files
+from tubeplanner.writing import write_files
 
 
 @click.command()
@@ -33,9 +33,8 @@ def init(
     The file has a start, a short tube that was planned, placeholders for limits that the URDF
     lacks, and commented examples of other fields.
     """
-    console.require_ending(output, "-o", (".yaml", ".yml"))
-    if output is not None:
-        require_writable([output], [Path(robot)])
+    request = console.Request("problem", output, "-o", (".yaml", ".yml"))
+    console.OutputFiles(request, inputs=[robot])
     with console.shown_progress() as enter:
         enter("reading robot")
         files: dict[str, Any] = {"package_dirs": package_dirs, "xacro_args": xacro_args}

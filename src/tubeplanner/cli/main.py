@@ -8,11 +8,13 @@ Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usa
 
 import ast
 import sys
-from collections.abc import Iterator, MutableMapping, Sequence
+from collections import UserDict
+from collections.abc import Sequence
 from errno import ENOSPC
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -71,34 +73,19 @@ def main(arguments: Sequence[str]) -> int:
         return console.fail("bad_input", message, as_json, console.BAD_INPUT)
 
 
-class _LazyCommands(MutableMapping[str, click.Command]):
+class _LazyCommands(UserDict[str, Any]):
     """Commands by name; the module of each is imported when the command is first looked up.
 
     A command is the function of its name in its module.
     """
 
-    def __init__(self, modules: dict[str, str]) -> None:
-        self._commands: dict[str, str | click.Command] = {**modules}
-
     def __getitem__(self, name: str) -> click.Command:
-        command = self._commands[name]
+        command = self.data[name]
         return getattr(import_module(command), name) if isinstance(command, str) else command
-
-    def __setitem__(self, name: str, command: click.Command) -> None:
-        self._commands[name] = command
-
-    def __delitem__(self, name: str) -> None:
-        del self._commands[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._commands)
-
-    def __len__(self) -> int:
-        return len(self._commands)
 
     def help_of(self, name: str) -> str:
         """Return the help text of a command, without an import of its module."""
-        command = self._commands[name]
+        command = self.data[name]
         if isinstance(command, click.Command):
             return command.help or ""
         spec = find_spec(command)
@@ -122,30 +109,27 @@ class _LazyGroup(click.Group):
             formatter.write_dl([(str(each.name), each.get_short_help_str(width)) for each in stubs])
 
 
-_COMMANDS = {
-    "check": "tubeplanner.cli.check",
-    "compare": "tubeplanner.cli.compare",
-    "explain": "tubeplanner.cli.explain",
-    "info": "tubeplanner.cli.info",
-    "init": "tubeplanner.cli.init",
-    "links": "tubeplanner.cli.links",
-    "measure": "tubeplanner.cli.measure",
-    "place": "tubeplanner.cli.place",
-    "plan": "tubeplanner.cli.plan",
-    "plot": "tubeplanner.cli.view",
-    "reproduce": "tubeplanner.cli.reproduce",
-    "route": "tubeplanner.cli.tubes",
-    "simulate": "tubeplanner.cli.simulate",
-    "study": "tubeplanner.cli.study",
-    "sweep": "tubeplanner.cli.sweep",
-    "teach": "tubeplanner.cli.tubes",
-    "view": "tubeplanner.cli.view",
-}
+_OWN = [
+    "check",
+    "compare",
+    "explain",
+    "info",
+    "init",
+    "place",
+    "plan",
+    "reproduce",
+    "simulate",
+    "study",
+    "sweep",
+    "view",
+]
+_SHARED = {"links": "info", "plot": "view", "measure": "tubes", "route": "tubes", "teach": "tubes"}
+_MODULES = {name: name for name in _OWN} | _SHARED
 
 
 @click.group(
     cls=_LazyGroup,
-    commands=_LazyCommands(_COMMANDS),
+    commands=_LazyCommands({name: f"{__package__}.{file}" for name, file in _MODULES.items()}),
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 @console.VERSION
@@ -168,12 +152,11 @@ def robots(as_json: bool) -> None:
         fields |= {"studies": list(bundled_studies()), "presets": list(presets)}
         console.print_json({**console.empty_report("success", "names for example:"), **fields})
         return
-    console.say("Problems (example:ROBOT/NAME):")
-    console.say(*(f"  example:{name}" for name in problems), sep="\n")
-    console.say("Cycles (example:ROBOT/NAME):")
-    console.say(*(f"  example:{name}" for name in cycles), sep="\n")
-    console.say("Studies (example:ROBOT/NAME):")
-    console.say(*(f"  example:{name}" for name in bundled_studies()), sep="\n")
+    names = {"Problems": problems, "Cycles": cycles, "Studies": list(bundled_studies())}
+    for kind, own in names.items():
+        console.say(
+            f"{kind} (example:ROBOT/NAME):", *(f"  example:{each}" for each in own), sep="\n"
+        )
     console.say("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
     bundled = bundled_robots()
     for name in example_robot_names():

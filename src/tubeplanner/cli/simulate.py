@@ -10,7 +10,6 @@ from typing import Any
 import click
 
 from tubeplanner.cli import console
-from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.execution.mujoco_model import require_mujoco
 from tubeplanner.execution.plants import Draw, drawn_plants
 from tubeplanner.execution.run_verdict import (
@@ -23,7 +22,7 @@ from tubeplanner.execution.run_verdict import (
 )
 from tubeplanner.execution.simulation import executed, executed_cycle
 from tubeplanner.output.figures.execution_figures import plot_cycle_execution, plot_execution
-from tubeplanner.output.figures.figure_files import figure_file, require_figure
+from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
 from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_file
 from tubeplanner.output.page.cycle_page import view_cycle
 from tubeplanner.output.page.viewer import View, view
@@ -32,7 +31,6 @@ from tubeplanner.task.demands import Robustness
 from tubeplanner.task.motion import motion_of_file
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
-from tubeplanner.writing import require_writable
 
 _ERRORS = {
     "mass": "Relative error of masses.",
@@ -113,8 +111,11 @@ def simulate(
     others. Errors without an option are those of PROBLEM's robustness, else the defaults. Exit
     status 0 also if runs fail.
     """
-    pictures = _Pictures(plot, html)
-    pictures.require_usable(problem, trajectory)
+    files = console.OutputFiles(
+        console.Request("plot", plot, "--plot", FIGURE_ENDINGS),
+        console.Request("view", html, "--html", console.PAGE_ENDINGS),
+        inputs=[problem, trajectory],
+    )
     require_mujoco()
     options: dict[str, Any] = {**errors, "controller": controller}
     options = {name: value for name, value in options.items() if value is not None}
@@ -122,57 +123,23 @@ def simulate(
     draw = Draw(runs, seed)
     with console.shown_progress() as enter:
         loaded, loading_time = console.load_either_timed(problem, enter, changes)
-        pictures.require_usable(problem, trajectory, loaded.robot.urdf.path)
+        files.spare([loaded.robot.urdf.path])
         file = read_trajectory_file(trajectory, loaded.robot.joint_names)
         if not isinstance(loaded, Cycle):
             robustness = replace(loaded.robustness or Robustness(), **options)
-        simulation = _Simulation(trajectory, file, robustness, draw, pictures, enter)
+        simulation = _Simulation(trajectory, file, robustness, draw, files, enter)
         if isinstance(loaded, Cycle):
             answer = simulation.of_cycle(loaded)
         else:
             answer = simulation.of_motion(loaded)
     if as_json:
         more = {"duration": file.trajectory.duration, "loading_time": loading_time}
-        console.print_json(answer.report | more | {"notes": answer.notes} | pictures.as_dict())
+        more |= {"notes": answer.notes}
+        more |= {"plot": files.path_text("plot"), "html": files.path_text("view")}
+        console.print_json(answer.report | more)
     else:
-        lines = [*answer.lines, *(f"note: {note}" for note in answer.notes)]
-        written = [(kind, path) for kind, path in pictures.paths if console.unless_failed(path)]
-        console.say(*lines, *(f"{kind}: {path}" for kind, path in written), sep="\n")
-        if not pictures.paths:
-            console.say_unwritten("--plot", "--html")
-
-
-@dataclass(frozen=True)
-class _Pictures:
-    """The requested files."""
-
-    plot: Path | None
-    html: Path | None
-
-    @property
-    def paths(self) -> list[tuple[str, Path]]:
-        """Kinds and paths."""
-        paths = {"plot": self.plot, "view": self.html}
-        return [(kind, path) for kind, path in paths.items() if path is not None]
-
-    def as_dict(self) -> dict[str, str | None]:
-        """Return the paths of the written files as JSON values."""
-        paths = {name: console.unless_failed(path) for name, path in vars(self).items()}
-        return {name: None if path is None else str(path) for name, path in paths.items()}
-
-    def require_usable(self, *inputs: str | Path) -> None:
-        """Raise if a file cannot be written, before any work is done."""
-        require_figure(self.plot, "--plot")
-        console.require_ending(self.html, "--html", console.PAGE_ENDINGS)
-        require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
-
-    def write(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
-        """Make and write the files."""
-        hold_interrupts()
-        console.write_answer(
-            console.Output("plot", self.plot, lambda path: figure_file(figure(), path)),
-            console.Output("view", self.html, lambda _: page().html.encode()),
-        )
+        console.say(*answer.lines, *(f"note: {note}" for note in answer.notes), sep="\n")
+        files.say()
 
 
 @dataclass(frozen=True)
@@ -192,7 +159,7 @@ class _Simulation:
     file: TrajectoryFile
     errors: Robustness
     draw: Draw
-    pictures: _Pictures
+    files: console.OutputFiles
     enter: Callable[[object], None]
 
     def of_motion(self, problem: PlanningProblem) -> _Answer:
@@ -238,9 +205,10 @@ class _Simulation:
         return lambda: self.enter(f"{stage} {min(next(numbers), total)} of {total}")
 
     def _draw(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
-        if self.pictures.paths:
+        if self.files.paths:
             self.enter("pictures")
-            self.pictures.write(figure, page)
+            plot, view = lambda path: figure_file(figure(), path), lambda _: page().html.encode()
+            self.files.write({"plot": plot, "view": view})
 
 
 # ---- The runs of a motion, as text for a terminal and as JSON values.

@@ -1,21 +1,34 @@
-"""`route`, `teach`: tubes from start and goal, or from a trail."""
+"""`measure`, `route`, `teach`: tubes from obstacles, from start and goal, or from a trail."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
+from rich.markup import escape
+from rich.table import Table
 
 from tubeplanner.cli import console
-from tubeplanner.cli.interrupts import hold_interrupts
+from tubeplanner.cli.report import rendered
 from tubeplanner.errors import OptionError
 from tubeplanner.output.files.new_problem_files import notes_on_dropped, read_cell, taught_problem
-from tubeplanner.output.files.problem_file import included_fields, read_fields, with_problem
+from tubeplanner.output.files.problem_file import (
+    included_fields,
+    read_fields,
+    with_other_tube,
+    with_problem,
+)
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.studies.tubes.joint_routes import require_ompl
+from tubeplanner.studies.tubes.measurement import PatternSurvey, measure_tube, survey_patterns
+from tubeplanner.studies.tubes.measurement_result import (
+    MeasureOptions,
+    SegmentMeasurement,
+    TubeMeasurement,
+)
 from tubeplanner.studies.tubes.planned_tube import PlannedTube, TubeAnswer
 from tubeplanner.studies.tubes.route import RouteOptions, find_route
 from tubeplanner.studies.tubes.teach import TeachOptions
@@ -23,7 +36,6 @@ from tubeplanner.studies.tubes.teach import teach as teach_tube
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.info import problem_doubts
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.writing import require_writable
 
 _OUTPUT = click.option("-o", "--output", type=console.PATH, help="Problem file with the tube.")
 _MAX_RADIUS = click.option(
@@ -37,6 +49,75 @@ _SAMPLES = click.option(
     help="Number of random configurations per segment in the last test.",
 )
 _SEED = click.option("--seed", type=int, default=1, show_default=True, help="Random seed.")
+
+
+@click.command()
+@click.argument("problem")
+@click.option("-o", "--output", type=console.PATH, help="Problem file with the measured tube.")
+@_MAX_RADIUS
+@click.option(
+    "--configurations", is_flag=True, help="Only list the reachable, free joint signs per segment."
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random numbers.")
+@click.option(
+    "--max-segments",
+    type=int,
+    default=20,
+    show_default=True,
+    help="Largest number of segments; each takes one to two seconds.",
+)
+@console.SET
+@console.AS_JSON
+def measure(
+    problem: str,
+    output: Path | None,
+    max_radius: float,
+    configurations: bool,
+    seed: int,
+    max_segments: int,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> int:
+    """Measure the largest collision-free radii [m] and joint ranges of PROBLEM's tube.
+
+    The radii of the file are ignored. Its joint signs and its start select the configuration.
+    """
+    options = MeasureOptions(max_radius, seed=seed, max_segments=max_segments)
+    if configurations and output is not None:
+        raise OptionError("--configurations compares and writes no file; leave out one of them")
+    if configurations:
+        return _compare(problem, options, changes, as_json)
+    files = console.OutputFiles(
+        console.Request("problem", output, "-o PROBLEM.yaml"), inputs=[problem]
+    )
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_timed(problem, enter, changes)
+        source = find_problem(problem, Path())
+        files.spare([*ProblemLayers.read(source).files, loaded.robot.urdf.path])
+        result = measure_tube(loaded, options, enter)
+    if result.problem is not None:
+        tube = result.problem.tube
+        files.write({"problem": lambda target: with_other_tube(source, target, tube, changes)})
+    if as_json:
+        fields = {**console.empty_report("", ""), **result.as_dict()}
+        console.print_json({**fields, "loading_time": loading_time})
+    else:
+        console.say(measurement_text(loaded, result, loading_time))
+        if result.succeeded:
+            files.say()
+    return console.SUCCESS if result.succeeded else console.INFEASIBLE
+
+
+def _compare(problem: str, options: MeasureOptions, changes: dict[str, Any], as_json: bool) -> int:
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_timed(problem, enter, changes)
+        survey = survey_patterns(loaded, options, enter)
+    if as_json:
+        fields = {**console.empty_report("", ""), **survey.as_dict()}
+        console.print_json({**fields, "loading_time": loading_time})
+    else:
+        console.say(patterns_text(loaded, survey))
+    return console.SUCCESS if survey.suggested is not None else console.INFEASIBLE
 
 
 @click.command()
@@ -81,25 +162,26 @@ def route(
     )
     _require_none_of(changes, ("tube",), "route")
     require_ompl()
-    outputs = [path for path in (output, measured) if path is not None]
-    require_writable(outputs, [Path(problem)])
+    files = console.OutputFiles(
+        console.Request("problem", output, "-o PROBLEM.yaml"),
+        console.Request("measured", measured),
+        inputs=[problem],
+    )
     with console.shown_progress() as enter:
         loaded, loading_time = console.load_timed(problem, enter, changes, reads_tube=False)
         source = find_problem(problem, Path())
-        require_writable(outputs, [*ProblemLayers.read(source).files, loaded.robot.urdf.path])
+        files.spare([*ProblemLayers.read(source).files, loaded.robot.urdf.path])
         answer = find_route(loaded, options, enter)
-    tubes = {output: answer.answer, measured: answer.measured}
     fields = read_fields(source, changes)
     tube = included_fields(fields, source.parent, source).get("tube")
     replaced = {"tube": tube} if isinstance(tube, dict) else {}
     notes = notes_on_dropped(replaced, (), "the tube is a new one")
     answer = replace(answer, notes=(*answer.notes, *notes))
-    written = _write(fields, source.parent, tubes)
+    _write(files, fields, source.parent, problem=answer.answer, measured=answer.measured)
     if measured is not None and answer.succeeded and answer.measured is None:
         note = f"{measured} was not written: there is no measured tube"
         answer = replace(answer, notes=(*answer.notes, note))
-    files = {"problem": output, "measured": measured}
-    return _print_answer(loaded, answer, loading_time, files, written, as_json)
+    return _print_answer(loaded, answer, loading_time, files, as_json)
 
 
 @click.command()
@@ -153,18 +235,19 @@ def teach(
         raise OptionError("--set changes the file of --problem; give one")
     _require_none_of(changes, ("tube", "start", "goal"), "TRAIL")
     options = TeachOptions(deviation, band, max_radius, samples, seed)
-    outputs = [] if output is None else [output]
-    inputs = [Path(name) for name in (trail, urdf, obstacles, template) if name is not None]
-    require_writable(outputs, inputs)
+    inputs = [name for name in (trail, urdf, obstacles, template) if name is not None]
+    files = console.OutputFiles(
+        console.Request("problem", output, "-o PROBLEM.yaml"), inputs=inputs
+    )
     cell = read_cell(urdf, tool_frame, obstacles, template, changes)
     with console.shown_progress() as enter:
         enter("loading robot and collision geometry")
         loaded, recorded, duration, notes = taught_problem(cell, trail)
-        require_writable(outputs, [loaded.robot.urdf.path])
+        files.spare([loaded.robot.urdf.path])
         answer = teach_tube(loaded, recorded, options, enter)
     answer = replace(answer, notes=(*notes, *answer.notes), recorded_duration=duration)
-    written = _write(cell.fields, cell.folder, {output: answer.answer})
-    return _print_answer(loaded, answer, None, {"problem": output}, written, as_json)
+    _write(files, cell.fields, cell.folder, problem=answer.answer)
+    return _print_answer(loaded, answer, None, files, as_json)
 
 
 def _require_none_of(changes: Iterable[str], unread: tuple[str, ...], source: str) -> None:
@@ -175,43 +258,33 @@ def _require_none_of(changes: Iterable[str], unread: tuple[str, ...], source: st
 
 
 def _write(
-    fields: Any, folder: Path, tubes: Mapping[Path | None, PlannedTube | None]
-) -> list[Path]:
-    """Write the problems of tubes to the requested files; return the written files."""
-    hold_interrupts()
-    answer = {path: tube.problem for path, tube in tubes.items() if path and tube}
-    console.write_answer(
-        *(
-            console.Output("problem", path, partial(with_problem, fields, folder, problem=problem))
-            for path, problem in answer.items()
-        )
-    )
-    return [path for path in answer if console.unless_failed(path)]
+    files: console.OutputFiles, fields: Any, folder: Path, **tubes: PlannedTube | None
+) -> None:
+    """Write the problems of tubes, by the kinds of their files."""
+    problems = {kind: tube.problem for kind, tube in tubes.items() if tube is not None}
+    content = partial(with_problem, fields, folder)
+    files.write({kind: partial(content, problem=each) for kind, each in problems.items()})
 
 
 def _print_answer(
     problem: PlanningProblem,
     answer: TubeAnswer,
     loading_time: float | None,
-    files: Mapping[str, Path | None],
-    written: list[Path],
+    files: console.OutputFiles,
     as_json: bool,
 ) -> int:
     """Print an answer and the written files by kind; return the exit status."""
     doubts = (*problem_doubts(problem), *unlimited_notes(problem.robot))
     answer = replace(answer, notes=(*doubts, *answer.notes))
-    by_kind = {kind: path for kind, path in files.items() if path in written}
     if as_json:
         fields = {**console.empty_report("", ""), **answer.as_dict()}
         fields["notes"] = list(dict.fromkeys(fields["notes"]))  # those of the plan come again
-        file = str(by_kind["problem"]) if "problem" in by_kind else None
-        console.print_json({**fields, "loading_time": loading_time, "problem": file})
+        fields |= {"loading_time": loading_time, "problem": files.path_text("problem")}
+        console.print_json(fields)
     else:
         console.say(tube_text(problem.name, answer))
-        for kind, path in by_kind.items():
-            console.say(f"{kind}: {path}")
-        if answer.succeeded and not by_kind:
-            console.say_unwritten("-o PROBLEM.yaml")
+        if answer.succeeded or files.written:
+            files.say()
     return console.SUCCESS if answer.succeeded else console.INFEASIBLE
 
 
@@ -250,3 +323,54 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
         )
     location = str(answer.location)
     return "\n".join([*lines, f"where: {location}"] if location else lines)
+
+
+def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_time: float) -> str:
+    """Return a measured tube as a table of its bounds and their causes, and the sample counts."""
+    lines = [
+        f"{problem.name}: {problem.robot.name}, loaded in {loading_time:.2f} s, measured in "
+        f"{result.measuring_time:.1f} s"
+    ]
+    if result.succeeded:
+        table = Table(title="Measured tube", title_justify="left")
+        for heading in ("segment", "bound", "largest", "ended by"):
+            table.add_column(heading)
+        for k, segment in enumerate(result.segments):
+            for row in _measured_rows(segment):
+                table.add_row(str(k), *map(escape, row))
+            table.add_section()
+        lines.append(rendered(table))
+        for k, segment in enumerate(result.segments):
+            lines.append(
+                f"segment {k}: tested with {segment.samples} random configurations, no collision "
+                f"(the {segment.collisions} found before lie outside)"
+            )
+    lines.append(f"{result.status}: {result.message}")
+    location = str(result.location)
+    return "\n".join([*lines, f"where: {location}"] if location else lines)
+
+
+def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
+    """Return rows of a bound, its value and its causes; the radius, then the joint ranges."""
+    causes: dict[str | None, list[str]] = {}
+    for binding in segment.bindings:
+        side = "" if binding.bound == "radius" else f"{binding.bound}: "
+        location = replace(binding.location, joint=None, segment=None)
+        causes.setdefault(binding.location.joint, []).append(f"{side}{location}")
+    rows = [("radius", f"{1000 * segment.radius:.1f} mm", "; ".join(causes.get(None, [])))]
+    for name, (lower, upper) in segment.joint_ranges.items():
+        rows.append((name, f"[{lower:.3f}, {upper:.3f}]", "; ".join(causes.get(name, []))))
+    return rows
+
+
+def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
+    """Return sign patterns as a table, and the suggested pattern."""
+    table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
+    for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):
+        table.add_column(heading)
+    for row in survey.rows:
+        signs = ", ".join(f"{name} {sign}" for name, sign in row.signs.items())
+        radius = "" if row.radius is None else f"{1000 * row.radius:.0f} mm"
+        verdicts = ["yes" if holds else "no" for holds in (row.reachable, row.free)]
+        table.add_row(str(row.segment), signs, *verdicts, radius, escape(row.message))
+    return f"{rendered(table)}\n{survey.message}"

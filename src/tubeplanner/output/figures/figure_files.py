@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tubeplanner.errors import OptionError
-from tubeplanner.writing import write_files
+from tubeplanner.writing import require_ending, write_files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,19 +74,8 @@ def figure_file(figure: "Figure", path: Path) -> bytes:
 
 
 def require_figure(path: Path | None, option: str = "figure") -> None:
-    """Check that the name of a figure's file, if any, has an ending that can be written.
-
-    Args:
-        path: The file; None: nothing to check.
-        option: Name of the option in the message.
-
-    Raises:
-        OptionError: The name has another ending.
-    """
-    if path is not None and path.suffix.lower() not in FIGURE_ENDINGS:
-        *others, last = FIGURE_ENDINGS
-        endings = f"{', '.join(others)} or {last}"
-        raise OptionError(f"{option} {path}: name a file that ends in {endings}")
+    """Raise OptionError unless the name of a figure's file, if any, ends in a format's ending."""
+    require_ending(path, option, FIGURE_ENDINGS)
 
 
 # ---- The grid of panels of a motion's figure.
