@@ -133,8 +133,8 @@ def simulate(
         else:
             answer = simulation.of_motion(loaded)
     if as_json:
-        more = {"duration": file.trajectory.duration, "loading_time": loading_time}
-        more |= {"notes": answer.notes}
+        more: dict[str, Any] = {"duration": file.trajectory.duration}
+        more |= {"loading_time": loading_time, "notes": answer.notes}
         more |= {"plot": files.path_text("plot"), "html": files.path_text("view")}
         console.print_json(answer.report | more)
     else:
