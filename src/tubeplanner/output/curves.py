@@ -19,16 +19,16 @@ from tubeplanner.limits.binding_limits import (
     closest_pairs,
 )
 from tubeplanner.limits.motor_costs import motor_effort
-from tubeplanner.limits.path_samples import PathSamples
+from tubeplanner.limits.path_samples import JointSpeedLimit, PathSamples
 from tubeplanner.limits.rates import PointSpeedLimit, ToolSpeed
-from tubeplanner.limits.speed_limits import LimitUses, limit_uses, samples_per_piece
+from tubeplanner.limits.speed_limits import LimitUses, limit_uses, samples_per_piece, speed_limits
 from tubeplanner.limits.time_scaling import scaling_factor
 from tubeplanner.limits.tube_membership import current_segments, tube_use
 from tubeplanner.output.drawing import segment_color
-from tubeplanner.robot.model import RobotModel, effort_rate
+from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.legs import step_text
-from tubeplanner.task.motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion, Motion, MotionSection
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Move
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
@@ -40,22 +40,12 @@ _MAX_MARKED = 24  # segments that are marked singly; more are marked in groups w
 
 
 @dataclass(frozen=True, eq=False)
-class MotionSection:
-    """A section of a motion under one problem.
-
-    Attributes:
-        problem: The problem.
-        trajectory: Of the problem's joints, in their order, from time zero.
-        begin: In the whole motion [s].
-    """
-
-    problem: PlanningProblem
-    trajectory: JointTrajectory
-    begin: float = 0.0
+class LimitedSection(MotionSection):
+    """A section of a motion with its use of limits and its closest pairs."""
 
     @cached_property
     def uses(self) -> LimitUses:
-        """Use of its limits."""
+        """Use of its limits, from time zero."""
         return limit_uses(self.problem, self.trajectory)
 
     @cached_property
@@ -63,16 +53,16 @@ class MotionSection:
         """Closest pairs at the times of `uses`."""
         return closest_pairs(self.problem, self.trajectory, self.uses.samples.time)
 
-    def inside(self, time: FloatArray) -> IntArray:
-        """Return the indices of the times (K,) [s] of the whole motion that are in the section."""
-        late = time > self.begin + self.trajectory.duration * (1 + 1e-12)
-        return np.flatnonzero((time >= self.begin) & ~late)
-
     def nearest(self, time: FloatArray) -> IntArray:
         """Return the samples of `uses` nearest to times (K,) from the section's begin [s]."""
         own = self.uses.samples.time
         later = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
         return later - (time - own[later - 1] < own[later] - time)
+
+
+def limited_sections(motion: Motion) -> tuple[LimitedSection, ...]:
+    """Return the sections of a motion with their use of limits."""
+    return tuple(LimitedSection(**vars(section)) for section in motion.sections)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +74,8 @@ class TrajectoryCurves:
         samples: Times, positions, velocities, accelerations.
         jerk: Shape (N, n) [rad/s^3 or m/s^3].
         effort: Shape (N, n) [N m or N].
-        effort_rate: Shape (N, n) [N m/s or N/s]; None if no joint has a limit on it.
+        fractions: Of the limits on joints' quantities, each by its kind, shape (N, n); nan where a
+            joint has no limit.
         tool: Shape (N, 3) [m].
         speed: Of the tool, shape (N,) [m/s].
         speed_limit: Limit of the segment, shape (N,) [m/s]; inf without a limit.
@@ -100,7 +91,7 @@ class TrajectoryCurves:
     samples: TrajectorySamples
     jerk: FloatArray
     effort: FloatArray
-    effort_rate: FloatArray | None
+    fractions: Mapping[str, FloatArray]
     tool: FloatArray
     speed: FloatArray
     speed_limit: FloatArray
@@ -145,16 +136,14 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
         error = tube.rotation.error(rotation, tool, segment)
         angle = np.linalg.norm(error, axis=1, keepdims=True)
         rotation_use = (np.hstack([abs(error), angle]) / tube.rotation.bounds[segment]).max(axis=1)
-    rate, jerk = None, trajectory.jerk_per_piece(count)
-    if np.isfinite(robot.limits.effort_rate).any():
-        rate = effort_rate(robot, q, v, a, jerk)
-    path = PathSamples(problem, np.stack([q, v, a]))
+    jerk = trajectory.jerk_per_piece(count)
+    path = PathSamples(problem, np.stack([q, v, a, jerk]))
     return TrajectoryCurves(
         problem,
         samples,
         jerk,
         motor_effort(robot, trajectory, samples),
-        rate,
+        _joint_fractions(path),
         tool,
         np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
         ToolSpeed(problem).limit[segment],
@@ -163,6 +152,16 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
         tube_use(problem, tool, segment),
         rotation_use,
     )
+
+
+def _joint_fractions(path: PathSamples) -> dict[str, FloatArray]:
+    """Return the used fractions of limits with a joint for each quantity, by kind, (N, n)."""
+    fractions = {}
+    for limit in speed_limits(path.problem):
+        if isinstance(limit, JointSpeedLimit) and len(limit.keys) == len(limit.joints):
+            fractions[limit.kind] = np.full(path.position.shape, np.nan)
+            fractions[limit.kind][:, limit.joints] = limit.used(path).at(1.0)
+    return fractions
 
 
 def segments_per_group(count: int) -> int:
@@ -184,28 +183,6 @@ def size_of(tube: Tube, k: int) -> str:
 # ---- Binding limits of successive motions.
 
 
-@dataclass(frozen=True, eq=False)
-class LimitedMotion:
-    """A motion, its use of limits, and its closest pairs.
-
-    Attributes:
-        problem: The planning problem.
-        begin: [s].
-        uses: Use of limits, in its own time from zero on.
-        closest: Closest pairs at the samples of `uses`.
-    """
-
-    problem: PlanningProblem
-    begin: float
-    uses: LimitUses
-    closest: Sequence[ClosestPairs]
-
-    @property
-    def duration(self) -> float:
-        """Duration [s]."""
-        return float(self.uses.samples.time[-1])
-
-
 @dataclass(frozen=True)
 class BindingStrip:
     """Binding limits over time.
@@ -225,39 +202,30 @@ class BindingStrip:
     joint_count: int
 
 
-def limited_motion(
-    problem: PlanningProblem, trajectory: JointTrajectory, begin: float = 0.0
-) -> LimitedMotion:
-    """Return the use of limits and the closest pairs of a trajectory, its joints in any order."""
-    uses = limit_uses(problem, trajectory)
-    closest = closest_pairs(problem, trajectory, uses.samples.time)
-    return LimitedMotion(problem, begin, uses, closest)
-
-
-def binding_strip(motions: Sequence[LimitedMotion], duration: float) -> BindingStrip:
-    """Return the binding limits of successive motions; between motions, none.
+def binding_strip(sections: Sequence[LimitedSection], duration: float) -> BindingStrip:
+    """Return the binding limits of the sections of a motion; between sections, none.
 
     Args:
-        motions: The motions, of the same joints.
-        duration: From the beginning of the first motion to the end [s].
+        sections: Of the same joints.
+        duration: From the beginning of the first section to the end [s].
     """
-    names = motions[0].problem.robot.joint_names
+    names = sections[0].problem.robot.joint_names
     rows: dict[str, list[Span]] = {}
     fractions: dict[str, float] = {}
     speed_fraction = 0.0
-    for motion in motions:
-        weight = motion.duration / duration
-        for row in binding_rows(names, motion.uses, motion.closest):
+    for section in sections:
+        weight = section.trajectory.duration / duration
+        for row in binding_rows(names, section.uses, section.closest):
             shifted = [
-                Span(span.kind, motion.begin + span.begin, motion.begin + span.end)
+                Span(span.kind, section.begin + span.begin, section.begin + span.end)
                 for span in row.spans
             ]
             rows.setdefault(row.name, []).extend(shifted)
-        uses = [*motion.uses.uses, *map(clearance_use, motion.closest)]
+        uses = [*section.uses.uses, *map(clearance_use, section.closest)]
         for kind in dict.fromkeys(use.kind for use in uses):
-            own = bound_fraction(motion.uses, [use for use in uses if use.kind == kind])
+            own = bound_fraction(section.uses, [use for use in uses if use.kind == kind])
             fractions[kind] = fractions.get(kind, 0.0) + weight * own
-        speed_fraction += weight * bound_fraction(motion.uses)
+        speed_fraction += weight * bound_fraction(section.uses)
     binding = {kind: fraction for kind, fraction in fractions.items() if fraction > 0}
     ordered = {name: rows[name] for name in (*names, *rows) if name in rows}
     joint_count = int(np.isin(list(ordered), names).sum())
@@ -273,7 +241,7 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
     The arm of each carries the parts of that leg or rest.
     """
     legs = []
-    for section in cycle_sections(cycle, motion):
+    for section in motion.sections:
         curves = trajectory_curves(section.problem, section.trajectory)
         later = replace(curves.samples, time=curves.samples.time + section.begin)
         legs.append(replace(curves, samples=later))
@@ -281,21 +249,6 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
     for k, leg in enumerate(legs):
         result += [*_stop_curves(cycle, motion, k, leg, 0), leg]
     return [*result, *_stop_curves(cycle, motion, len(legs), legs[-1], -1)]
-
-
-def limited_motions(cycle: Cycle, motion: CycleMotion) -> list[LimitedMotion]:
-    """Return the use of limits of all legs, in order."""
-    return [
-        limited_motion(section.problem, section.trajectory, section.begin)
-        for section in cycle_sections(cycle, motion)
-    ]
-
-
-def cycle_sections(cycle: Cycle, motion: CycleMotion) -> tuple[MotionSection, ...]:
-    """Return the legs of a motion, each under its problem."""
-    return tuple(
-        MotionSection(each.problem, each.trajectory, each.begin) for each in motion.sections
-    )
 
 
 def _stop_curves(
@@ -338,7 +291,7 @@ def _held_curves(
         ),
         jerk=still,
         effort=arm.gravity_effort(samples.position[rows]),
-        effort_rate=None if beside.effort_rate is None else still,
+        fractions={kind: 0 * used[rows] for kind, used in beside.fractions.items()},
         tool=beside.tool[rows],
         speed=np.zeros(2),
         speed_limit=beside.speed_limit[rows],

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from tubeplanner import load_problem, plan, plot_trajectory
 from tubeplanner.limits.binding_limits import Span
-from tubeplanner.output.curves import BindingStrip, binding_strip, limited_motion, trajectory_curves
+from tubeplanner.output.curves import BindingStrip, LimitedSection, binding_strip, trajectory_curves
 from tubeplanner.output.figures.binding_panels import draw_clearance, draw_strip, percent
 from tubeplanner.output.figures.panels import draw_efforts, draw_motor, motor_joints
 from tubeplanner.robot.overrides import EffortRange
@@ -26,22 +26,22 @@ MOTORS = {
 @pytest.fixture(scope="module")
 def fast(stored):
     """A fast motion over a wall, and its limits."""
-    return limited_motion(*stored("ur5/over_the_wall", "refinement"))
+    return LimitedSection(*stored("ur5/over_the_wall", "refinement"))
 
 
 def test_a_fast_motion_is_at_some_limit_nearly_all_the_time(fast, stored):
     problem, trajectory = stored("ur5/over_the_wall", "refinement")
-    strip = binding_strip([fast], fast.duration)
+    strip = binding_strip([fast], fast.trajectory.duration)
     assert list(strip.rows) == [*problem.robot.joint_names, "tool", "links"]
     assert strip.joint_count == problem.robot.joint_count
     assert 0.98 < strip.speed_fraction <= 1.0
-    slow = limited_motion(problem, trajectory.scaled(2.0))
-    assert slow.duration == pytest.approx(2 * fast.duration)
-    assert binding_strip([slow], slow.duration).speed_fraction == 0.0
+    slow = LimitedSection(problem, trajectory.scaled(2.0))
+    assert slow.trajectory.duration == pytest.approx(2 * fast.trajectory.duration)
+    assert binding_strip([slow], slow.trajectory.duration).speed_fraction == 0.0
 
 
 def test_motions_one_after_the_other_share_the_time(fast):
-    duration = fast.duration
+    duration = fast.trajectory.duration
     once = binding_strip([fast], duration)
     twice = binding_strip([fast, replace(fast, begin=2 * duration)], 4 * duration)
     assert twice.speed_fraction == pytest.approx(once.speed_fraction / 2)

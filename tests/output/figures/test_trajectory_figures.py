@@ -23,7 +23,7 @@ from tubeplanner import (
     sweep,
 )
 from tubeplanner.output.curves import cycle_curves, segments_per_group, size_of, trajectory_curves
-from tubeplanner.output.figures.panels import draw_jerks, draw_speed, draw_tube_use, draw_velocities
+from tubeplanner.output.figures.panels import draw_speed, draw_tube_use, draw_velocities
 from tubeplanner.output.figures.trajectory_figures import plot_cycle, shown_name
 from tubeplanner.task.motion import LegMotion, cycle_motion
 from tubeplanner.task.steps import Event
@@ -145,7 +145,7 @@ def test_the_speeds_limit_is_drawn_where_there_is_one(stored):
 def test_what_else_is_limited_has_its_panel(stored):
     """Effort rates, accelerations, jerks, speeds of points."""
     problem, trajectory = stored("two_link/around_a_post")
-    assert trajectory_curves(problem, trajectory).effort_rate is None
+    assert "effort_rate" not in trajectory_curves(problem, trajectory).fractions
     limits = LimitOverrides(
         effort_rate={"joint1": 1e4, "joint2": 2e4},
         acceleration={"joint2": 200.0},
@@ -162,11 +162,11 @@ def test_what_else_is_limited_has_its_panel(stored):
     step = np.diff(rates[0].get_xdata()) > 0
     duration = np.diff(rates[0].get_xdata())[step]
     numeric = np.diff(curves.effort, axis=0)[step] / duration[:, None]
-    middle = (curves.effort_rate[1:] + curves.effort_rate[:-1])[step] / 2
-    np.testing.assert_allclose(middle, numeric, atol=2e-2 * abs(curves.effort_rate).max())
+    rate = curves.fractions["effort_rate"] * [1e4, 2e4]
+    middle = (rate[1:] + rate[:-1])[step] / 2
+    np.testing.assert_allclose(middle, numeric, atol=2e-2 * abs(rate).max())
     for joint, limit in enumerate((1e4, 2e4)):
-        fraction = 100 * curves.effort_rate[:, joint] / limit
-        np.testing.assert_allclose(rates[joint].get_ydata(), fraction)
+        np.testing.assert_allclose(rates[joint].get_ydata(), 100 * rate[:, joint] / limit)
 
     fraction = panels["acceleration"].lines[0].get_ydata()
     np.testing.assert_allclose(fraction, curves.samples.acceleration[:, 1] / 2)
@@ -225,16 +225,6 @@ def axes(cycle, motion):
     with pytest.raises(ProblemError, match="give a Cycle"):
         plot_cycle("cycle", motion)
     return plot_cycle(cycle, motion).axes
-
-
-def test_jerks_are_drawn_at_a_stop_too(cycle, motion):
-    """Whose two samples are as many as the ends of a limit's line."""
-    robot = cycle.robot
-    limits = replace(robot.limits, jerk=np.full(robot.joint_count, 100.0))
-    stop = cycle_curves(cycle, motion)[1]
-    limited = replace(stop.problem, robot=robot.with_limits(limits, robot.motors))
-    draw_jerks(axis := Figure().subplots(), replace(stop, problem=limited))
-    assert sorted(line.get_ydata()[0] for line in axis.lines)[:1] == [-100]
 
 
 def test_curves_follow_each_other_without_gaps(cycle, motion):

@@ -8,7 +8,7 @@ from stored_trajectories import REFINEMENT
 from tubeplanner import PlanningProblem, Tube
 from tubeplanner.limits.binding_limits import binding_rows
 from tubeplanner.limits.speed_limits import POSITION
-from tubeplanner.output.curves import MotionSection, cycle_sections
+from tubeplanner.output.curves import LimitedSection, limited_sections
 from tubeplanner.output.drawing import LINE_COLORS, SEGMENT_COLORS
 from tubeplanner.output.page.panel import (
     binding_marks,
@@ -23,7 +23,7 @@ STEPS = 240
 @pytest.fixture(scope="module")
 def section(stored):
     """A fast motion over a wall."""
-    return MotionSection(*stored("ur5/over_the_wall", REFINEMENT))
+    return LimitedSection(*stored("ur5/over_the_wall", REFINEMENT))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_a_limit_on_the_tools_speed_is_that_of_the_segment(stored, curves):
     slow = Tube(tube.points, tube.radius, tool_speed=[None, 3.0, None])
     limited = PlanningProblem(problem.robot, slow, problem.start, self_collision=False)
     time = np.linspace(0, trajectory.duration, STEPS)
-    limited_curves = page_curves([MotionSection(limited, trajectory)], time)
+    limited_curves = page_curves([LimitedSection(limited, trajectory)], time)
     speeds = limited_curves["speedLimit"]
     assert [speeds[0], speeds[STEPS // 2], speeds[-1]] == [None, 3.0, None]
     assert "clearance" not in limited_curves
@@ -86,7 +86,7 @@ def test_a_limit_on_the_tools_speed_is_that_of_the_segment(stored, curves):
 def test_between_the_legs_of_a_cycle_nothing_is_said_and_marks_have_its_time(tmp_path):
     cycle = shown_cycle(tmp_path)
     motion = motion_of(cycle, 0.2)  # fast: limits bind
-    sections = cycle_sections(cycle, motion)
+    sections = limited_sections(motion)
     assert [section.begin for section in sections] == [begin for begin, _ in motion.leg_times]
     time = np.linspace(0, motion.trajectory.duration, STEPS)
     curves = page_curves(sections, time)
@@ -115,7 +115,7 @@ def test_of_many_segments_groups_are_named(stored):
     points = ends[0] + np.linspace(0, 1, 41)[:, None] * (ends[1] - ends[0])
     tube = Tube(points, 2.0)
     bands = segment_bands(
-        MotionSection(PlanningProblem(problem.robot, tube, problem.start), trajectory)
+        LimitedSection(PlanningProblem(problem.robot, tube, problem.start), trajectory)
     )
     assert [band["name"] for band in bands][-1] == "segments 35 to 39"
 

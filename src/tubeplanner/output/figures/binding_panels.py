@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tubeplanner.limits.binding_limits import OBSTACLES, SELF_COLLISION, Span
-from tubeplanner.output.curves import BindingStrip, LimitedMotion
+from tubeplanner.output.curves import BindingStrip, LimitedSection
 from tubeplanner.output.drawing import BINDING_STYLES, LINE_COLORS, OTHER_BINDING
 from tubeplanner.output.figures.panels import LIMIT, line_style
 
@@ -97,13 +97,13 @@ _STYLES: dict[str, tuple[str, Any]] = {
 _WORDS = {OBSTACLES: "nearest obstacle", SELF_COLLISION: "nearest links"}
 
 
-def draw_clearance(axis: "Axes", motions: Sequence[LimitedMotion]) -> None:
-    """Draw the least distances in successive motions, and the required distances, dashed.
+def draw_clearance(axis: "Axes", sections: Sequence[LimitedSection]) -> None:
+    """Draw the least distances in the sections of a motion, and the required distances, dashed.
 
     A point marks the pair with the least margin to its required distance; the legend names it.
     """
     for kind, (color, dashes) in _STYLES.items():
-        own = [(each.begin, pairs) for each in motions for pairs in each.closest]
+        own = [(each.begin, pairs) for each in sections for pairs in each.closest]
         own = [(begin, pairs) for begin, pairs in own if pairs.kind == kind]
         for begin, pairs in own:
             is_finite = np.isfinite(pairs.distance)

@@ -1,12 +1,13 @@
 """Panels over time with limits and segments; panels of efforts over velocities."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.limits.rates import VelocityByPositionLimit
+from tubeplanner.limits.rates import RATES, VelocityByPositionLimit
 from tubeplanner.output.curves import _MAX_LABELS, TrajectoryCurves, size_of
 from tubeplanner.output.drawing import LINE_COLORS, REFERENCE_COLOR, segment_color
 from tubeplanner.robot.model import RobotModel
@@ -27,23 +28,22 @@ _MAX_FACTOR = 3.0  # larger factors are drawn as this
 _LONG_LABEL, _SHORT_LABEL = 0.2, 0.1
 _MARGIN = 0.08
 
+_WITH_PANEL, _JERK = ("velocity", "effort"), "jerk"  # panels of their own; drawn in pieces
+
 DrawPanel: TypeAlias = "Callable[[Axes, TrajectoryCurves], None]"
 
 
 def time_panels(runs: Sequence[TrajectoryCurves]) -> list[DrawPanel]:
     """Return the functions that draw the panels of motions of an arm.
 
-    Accelerations, jerks, effort rates and speeds of points have a panel if they are limited.
+    Limited quantities of joints, and speeds of points, have a panel of their own.
     """
-    limits = runs[0].problem.robot.limits
-    panels: list[DrawPanel] = [draw_positions, draw_velocities]
-    panels += [draw_accelerations] if np.isfinite(limits.acceleration).any() else []
-    panels += [draw_jerks] if np.isfinite(limits.jerk).any() else []
-    panels.append(draw_efforts)
-    panels += [draw_effort_rates] if np.isfinite(limits.effort_rate).any() else []
-    panels.append(draw_speed)
-    panels += [draw_points] if limits.point_speed else []
-    return [*panels, draw_tube_use]
+    joints, limits = runs[0].fractions, runs[0].problem.robot.limits
+    own = {kind: partial(draw_fractions, kind) for kind in joints if kind not in _WITH_PANEL}
+    rates = [own.pop(kind) for kind in RATES if kind in own]
+    points: list[DrawPanel] = [draw_points] if limits.point_speed else []
+    panels: list[DrawPanel] = [draw_positions, draw_velocities, *rates, draw_efforts, *own.values()]
+    return [*panels, draw_speed, *points, draw_tube_use]
 
 
 def line_style(number: int) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def draw_velocities(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw velocities against their limits; in each joint's colour, lower limits by position."""
     limits, samples = curves.problem.robot.limits, curves.samples
     own = limits.velocity
-    _draw_fractions(axis, curves, samples.velocity, own, "velocity", ("rad/s", "m/s"))
+    _draw_values(axis, curves, samples.velocity, own, "velocity", ("rad/s", "m/s"))
     unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
     most = np.where(np.isfinite(own), own, 1.2 * abs(samples.velocity).max())
     law = VelocityByPositionLimit(limits)
@@ -87,7 +87,7 @@ def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw efforts against limits; in each joint's colour, lower limits by sign or position."""
     limits, samples = curves.problem.robot.limits, curves.samples
     own = limits.effort
-    _draw_fractions(axis, curves, curves.effort, own, "effort", ("N m", "N"))
+    _draw_values(axis, curves, curves.effort, own, "effort", ("N m", "N"))
     unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
     for each in limits.effort_ranges:
         color = LINE_COLORS[each.joint % len(LINE_COLORS)]
@@ -97,29 +97,23 @@ def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
             axis.plot(samples.time, less, **{**LIMIT, "color": color})
 
 
-def draw_accelerations(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw accelerations against their limits, of joints with a limit."""
-    limit = curves.problem.robot.limits.acceleration
-    _draw_limited(axis, curves, curves.samples.acceleration, limit, "acceleration")
+def draw_fractions(kind: str, axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw a quantity of joints as percent of its limits, and name the joints without a limit.
 
-
-def draw_jerks(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw jerks against their limits, of joints with a limit; constant pieces, not joined."""
-    _draw_limited(axis, curves, curves.jerk, curves.problem.robot.limits.jerk, "jerk")
-    jumps = 1 + np.flatnonzero((np.diff(curves.jerk, axis=0) != 0).any(axis=1))
-    for line in axis.lines:
-        time, fraction = map(np.asarray, line.get_data())
-        if np.array_equal(time, curves.samples.time):
-            line.set_data(np.insert(time, jumps, np.nan), np.insert(fraction, jumps, np.nan))
-            line.set(linestyle="-", solid_capstyle="butt")
-
-
-def draw_effort_rates(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw effort rates against their limits, of joints with a limit."""
-    if curves.effort_rate is None:
-        return
-    limit = curves.problem.robot.limits.effort_rate
-    _draw_limited(axis, curves, curves.effort_rate, limit, "effort rate")
+    Jerks are constant in pieces, which are not joined.
+    """
+    time, used = curves.samples.time, 100 * curves.fractions[kind]
+    free, style = np.isnan(used).all(axis=0), {}
+    if kind == _JERK:
+        jumps = 1 + np.flatnonzero((np.diff(curves.jerk, axis=0) != 0).any(axis=1))
+        time, used = np.insert(time, jumps, np.nan), np.insert(used, jumps, np.nan, axis=0)
+        style = {"linestyle": "-", "solid_capstyle": "butt"}
+    for j in np.flatnonzero(~free).tolist():
+        axis.plot(time, used[:, j], **line_style(j) | style)
+    _frame_percent(axis, kind.replace("_", " "))
+    if free.any():
+        names = np.array(curves.problem.robot.joint_names)[free]
+        axis.set_title(f"no limit: {', '.join(names)}", fontsize=8, loc="right")
 
 
 def draw_factor(axis: "Axes", curves: TrajectoryCurves, label: str, number: int) -> None:
@@ -218,7 +212,7 @@ def _label(curves: TrajectoryCurves, group: int, fraction: float) -> str:
     return f"{name}: {sizes[0]}"
 
 
-def _draw_fractions(
+def _draw_values(
     axis: "Axes",
     curves: TrajectoryCurves,
     values: FloatArray,
@@ -239,19 +233,6 @@ def _draw_fractions(
         return
     axis.set_ylabel(f"{quantity} [{_unit(curves.problem, *units)}]")
     axis.set_title(f"not every joint has a {quantity} limit", fontsize=8, loc="right")
-
-
-def _draw_limited(
-    axis: "Axes", curves: TrajectoryCurves, values: FloatArray, limit: FloatArray, quantity: str
-) -> None:
-    """Draw values as percent of their limits, of joints with a limit, and name the others."""
-    for j in np.flatnonzero(np.isfinite(limit)).tolist():
-        axis.plot(curves.samples.time, 100 * values[:, j] / limit[j], **line_style(j))
-    _frame_percent(axis, quantity)
-    names = curves.problem.robot.joint_names
-    free = [names[j] for j in np.flatnonzero(~np.isfinite(limit))]
-    if free:
-        axis.set_title(f"no limit: {', '.join(free)}", fontsize=8, loc="right")
 
 
 def _frame_percent(axis: "Axes", quantity: str) -> None:

@@ -9,13 +9,13 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.output.curves import (
+    LimitedSection,
     Timeline,
     TrajectoryCurves,
     binding_strip,
     cycle_curves,
     cycle_timeline,
-    limited_motion,
-    limited_motions,
+    limited_sections,
     trajectory_curves,
 )
 from tubeplanner.output.drawing import segment_color
@@ -66,10 +66,10 @@ def plot_trajectory(
         OutputError: The file could not be written.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
-    curves, motion = trajectory_curves(problem, trajectory), limited_motion(problem, trajectory)
-    strip = binding_strip([motion], trajectory.duration)
+    curves, section = trajectory_curves(problem, trajectory), LimitedSection(problem, trajectory)
+    strip = binding_strip([section], trajectory.duration)
     draws = time_panels([curves])
-    has_clearance = len(motion.closest) > 0
+    has_clearance = len(section.closest) > 0
     motors = motor_joints(problem.robot)
     grid = figure_grid(len(strip.rows), len(draws) + has_clearance, has_motors=len(motors) > 0)
     grid.figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
@@ -78,7 +78,7 @@ def plot_trajectory(
     for axis, draw in zip(grid.panels, draws, strict=False):
         draw(axis, curves)
     if has_clearance:
-        draw_clearance(grid.panels[-1], [motion])
+        draw_clearance(grid.panels[-1], [section])
     for axis in grid.panels:
         mark_segments(axis, curves)
     grid.name_time()
@@ -110,10 +110,10 @@ def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None
     """
     Cycle.require(cycle)
     runs, timeline = cycle_curves(cycle, motion), cycle_timeline(motion)
-    motions, duration = limited_motions(cycle, motion), motion.trajectory.duration
-    strip = binding_strip(motions, duration)
+    sections, duration = limited_sections(motion), motion.trajectory.duration
+    strip = binding_strip(sections, duration)
     draws = time_panels(runs)
-    has_clearance = any(each.closest for each in motions)
+    has_clearance = any(each.closest for each in sections)
     grid = figure_grid(len(strip.rows), len(draws) + has_clearance, has_motors=False)
     grid.figure.suptitle(f"{cycle.name}: {duration:.4f} s", fontsize=13)
     draw_strip(grid.strip, strip)
@@ -124,12 +124,12 @@ def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None
             spans.append(axis.get_ylim())
         axis.set_ylim(min(low for low, _ in spans), max(high for _, high in spans))
     if has_clearance:
-        draw_clearance(grid.panels[-1], motions)
+        draw_clearance(grid.panels[-1], sections)
     for axis in (grid.strip, *grid.panels):
         mark_moves(axis, timeline, duration, names=axis is grid.strip)
     grid.name_time()
     name_steps(grid.panels[draws.index(draw_speed)], timeline, duration)
-    _draw_space(grid.space, cycle, motion, runs, [each.problem for each in motions])
+    _draw_space(grid.space, cycle, motion, runs, [each.problem for each in sections])
     return saved(grid.figure, path)
 
 

@@ -12,7 +12,7 @@ from tubeplanner.certificate.cycle_verification import CycleCertificate
 from tubeplanner.errors import OptionError
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.convex_shapes import ConvexShape
-from tubeplanner.output.curves import cycle_sections, cycle_timeline, tube_name
+from tubeplanner.output.curves import cycle_timeline, limited_sections, tube_name
 from tubeplanner.output.drawing import (
     REFERENCE_COLOR,
     Surface,
@@ -226,7 +226,7 @@ def build_cycle_scene(
         poses = np.array([each.placement(step, body) for step in range(len(each.time))])
         parts.append(moved_parts(cycle, own_marks, each.time, np.array(poses @ placement)))
     arms = [with_bodies(*pair) for pair in zip(arms, parts, strict=True)]
-    sections = tuple(cycle_sections(cycle, motion) for motion in named.values())
+    sections = tuple(limited_sections(motion) for motion in named.values())
     links, notes_of_links = link_parts(robot, MAX_FACES // len(arms))
     drawing = _Drawing(cycle, links, arms, parts, is_executed=execution is not None)
     executed = None

@@ -15,7 +15,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.binding_limits import LINKS, TOOL, ClosestPairs, binding_rows, closest_pairs
 from tubeplanner.limits.rates import ToolSpeed
 from tubeplanner.limits.speed_limits import POSITION
-from tubeplanner.output.curves import MotionSection, segments_per_group, size_of
+from tubeplanner.output.curves import LimitedSection, segments_per_group, size_of
 from tubeplanner.output.drawing import (
     AXIS_COLORS,
     BLOCKED_COLOR,
@@ -229,7 +229,7 @@ _AT_END = 0.998
 _WORDS = {"obstacles": "to obstacles", "self_collision": "between links"}
 
 
-def page_curves(sections: Sequence[MotionSection], time: FloatArray) -> dict[str, Any]:
+def page_curves(sections: Sequence[LimitedSection], time: FloatArray) -> dict[str, Any]:
     """Return the limit on the tool's speed, the use of limits and the clearance, if any.
 
     Args:
@@ -256,7 +256,7 @@ def row_color(name: str, joint_names: Sequence[str]) -> str:
     return _TOOL_COLOR if name == TOOL else _LINKS_COLOR
 
 
-def _limits(sections: Sequence[MotionSection], time: FloatArray) -> dict[str, Any]:
+def _limits(sections: Sequence[LimitedSection], time: FloatArray) -> dict[str, Any]:
     """Return the largest use of a limit over time, and its kind, of joints, tool and links."""
     fractions: dict[str, dict[str, FloatArray]] = {}
     for section in sections:
@@ -294,7 +294,7 @@ def _line(
     }
 
 
-def _largest_near(section: MotionSection, fraction: FloatArray, time: FloatArray) -> FloatArray:
+def _largest_near(section: LimitedSection, fraction: FloatArray, time: FloatArray) -> FloatArray:
     """Return fractions at times (K,) [s] of the whole motion: the largest of nearby samples."""
     own = section.uses.samples.time + section.begin
     result: FloatArray = np.interp(time, own, fraction)
@@ -304,7 +304,7 @@ def _largest_near(section: MotionSection, fraction: FloatArray, time: FloatArray
     return result
 
 
-def _clearances(sections: Sequence[MotionSection], time: FloatArray) -> list[dict[str, Any]]:
+def _clearances(sections: Sequence[LimitedSection], time: FloatArray) -> list[dict[str, Any]]:
     """Return the closest pairs of each kind over time; with points for the first kind alone."""
     pairs: dict[str, _Closest] = {}
     for section in sections:
@@ -360,12 +360,12 @@ def _rounded(values: FloatArray, digits: int) -> list[float | None]:
 # ---- The time line of a motion of a problem: segments of the tool, binding limits.
 
 
-def problem_timeline(section: MotionSection) -> dict[str, Any]:
+def problem_timeline(section: LimitedSection) -> dict[str, Any]:
     """Return the time line of a motion of a problem as JSON values."""
     return {"bands": segment_bands(section), "rests": [], "binds": binding_marks([section])}
 
 
-def segment_bands(section: MotionSection) -> list[dict[str, Any]]:
+def segment_bands(section: LimitedSection) -> list[dict[str, Any]]:
     """Return the times of the tool in each segment, or in groups of many segments."""
     count = section.problem.tube.segment_count
     step = segments_per_group(count)
@@ -381,7 +381,7 @@ def segment_bands(section: MotionSection) -> list[dict[str, Any]]:
     return bands
 
 
-def binding_marks(sections: Sequence[MotionSection]) -> list[dict[str, Any]]:
+def binding_marks(sections: Sequence[LimitedSection]) -> list[dict[str, Any]]:
     """Return the spans of binding limits of each joint, the tool and the links.
 
     Rows without any are left out.

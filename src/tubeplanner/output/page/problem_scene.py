@@ -13,7 +13,7 @@ from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.orientation import rotation_matrix
-from tubeplanner.output.curves import MotionSection
+from tubeplanner.output.curves import LimitedSection
 from tubeplanner.output.drawing import (
     AXIS_COLORS,
     CARRIED_COLOR,
@@ -104,7 +104,7 @@ def build_scene(
             motions[name] = trajectory.reordered(robot.joint_names)
         except TrajectoryError as error:
             raise TrajectoryError(f"{name}: {error}") from error
-    sections = tuple((MotionSection(problem, motion),) for motion in motions.values())
+    sections = tuple((LimitedSection(problem, motion),) for motion in motions.values())
     arms = []
     for name, motion in motions.items():
         count = int(np.ceil(_FRAMES_PER_SECOND * motion.duration))
@@ -304,7 +304,7 @@ def tool_orientation(
     i: int,
     robot: RobotModel,
     tubes: Sequence[Tube],
-    sections: Sequence[MotionSection],
+    sections: Sequence[LimitedSection],
     shown: ShownTrajectory,
     thickness: float,
 ) -> tuple[ShownTrajectory, list[Item]]:
@@ -338,7 +338,9 @@ def axes_items(i: int, robot: RobotModel, thickness: float) -> list[Item]:
     return items
 
 
-def rotation_cones(sections: Sequence[MotionSection], shown: ShownTrajectory) -> list[RotationCone]:
+def rotation_cones(
+    sections: Sequence[LimitedSection], shown: ShownTrajectory
+) -> list[RotationCone]:
     """Return the moving cones of a motion's rotation tolerances, a cone per set of bounds."""
     result: dict[tuple[float, ...], RotationCone] = {}
     count = len(shown.time)

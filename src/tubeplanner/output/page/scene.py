@@ -16,7 +16,7 @@ from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.geometry.convex_shapes import convex_hull
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.outcome import Infeasible
-from tubeplanner.output.curves import MotionSection
+from tubeplanner.output.curves import LimitedSection
 from tubeplanner.output.drawing import Surface, best_direction, floor_grid, outline
 from tubeplanner.output.execution_curves import ExecutedPaths
 from tubeplanner.robot.model import RobotModel
@@ -167,7 +167,7 @@ class Scene:
     frame: SceneFrame
     thickness: float
     notes: tuple[str, ...]
-    sections: tuple[tuple[MotionSection, ...], ...] = ()
+    sections: tuple[tuple[LimitedSection, ...], ...] = ()
     executed: ExecutedPaths | None = None
 
     @property
