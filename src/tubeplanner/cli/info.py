@@ -18,6 +18,7 @@ from tubeplanner.errors import OptionError, RobotError
 from tubeplanner.geometry.collision_checker import LinkCover, link_covers
 from tubeplanner.geometry.link_geometry import link_contents
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, open_meshes
+from tubeplanner.geometry.tube.segment_values import SEGMENT_NUMBERS
 from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
 from tubeplanner.output.figures.robot_figure import plot_robot
 from tubeplanner.resources import EXAMPLE_PREFIX
@@ -400,10 +401,10 @@ def _conditions(problem: PlanningProblem, k: int) -> str:
         *axes, angle = (f"{bound:.4g}" for bound in tube.rotation.bounds[k])
         within = f"[{', '.join(axes).replace('inf', 'free')}]" if angle == "inf" else angle
         parts.append(f"rotation within {within}")
-    if tube.tool_speed is not None and np.isfinite(tube.tool_speed[k]):
-        parts.append(f"tool speed {tube.tool_speed[k]:g}")
-    if tube.clearance is not None and np.isfinite(tube.clearance[k]):
-        parts.append(f"clearance {tube.clearance[k]:g}")
+    for name in SEGMENT_NUMBERS:
+        values = getattr(tube, name)
+        if values is not None and np.isfinite(values[k]):
+            parts.append(f"{name.replace('_', ' ')} {values[k]:g}")
     parts += [f"{name} {_range(*bounds)}" for name, bounds in tube.joint_ranges[k].items()]
     return "; ".join(parts)
 

@@ -12,6 +12,7 @@ from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.geometry.convex_shapes import extent_of
 from tubeplanner.geometry.link_geometry import link_extents
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle
+from tubeplanner.geometry.tube.segment_values import SEGMENT_NUMBERS
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.info import RobotInfo, robot_info
 from tubeplanner.robot.model import RobotModel
@@ -227,14 +228,16 @@ def _segment(problem: PlanningProblem, k: int) -> dict[str, Any]:
     """Return the number, size and conditions of a segment of the tube."""
     tube = problem.tube
     bound = None if tube.rotation is None else tube.rotation.bounds[k]
-    speed = np.inf if tube.tool_speed is None else float(tube.tool_speed[k])
+    columns = {name: getattr(tube, name) for name in SEGMENT_NUMBERS}
+    numbers = {name: None if each is None else float(each[k]) for name, each in columns.items()}
+    if tube.tool_speed is None:
+        numbers["tool_speed"] = np.inf
     return {
         "number": tube.segment_number(k),
         "length": float(np.linalg.norm(tube.points[k + 1] - tube.points[k])),
         "radius": None if tube.is_box[k] else float(tube.radius[k]),
         "rotation_tolerance": None if bound is None else bound.tolist(),
-        "tool_speed": speed,
-        "clearance": None if tube.clearance is None else float(tube.clearance[k]),
+        **numbers,
         "joint_ranges": tube.joint_ranges[k],
     }
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError, shown
+from tubeplanner.geometry.tube.segment_values import SEGMENT_NUMBERS
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
@@ -256,7 +257,10 @@ def _joined_tube(first: Move, second: Move) -> Tube:
     by_segment: dict[str, Any] = {
         "radius": [radius for tube in tubes for radius in tube.radius],
         "joint_signs": [signs for tube in tubes for signs in tube.joint_signs],
-        "tool_speed": _filled([tube.tool_speed for tube in tubes], counts),
+        **{
+            name: _filled([getattr(tube, name) for tube in tubes], counts)
+            for name in SEGMENT_NUMBERS
+        },
         "clearance": _clearances((first, second)),
         "cross_section": sections,
         # Segments keep their numbers, by which messages name them, although points are left out.

@@ -30,23 +30,32 @@ class SegmentNumber(NamedTuple):
     without: str
 
 
-TOOL_SPEED = SegmentNumber("tube.tool_speed", 1e-6, 1e4, "m/s", "where the tool's speed is free")
-CLEARANCE = SegmentNumber("clearance.segments", 0.0, 1e4, "m", "for the clearance of all others")
+# By the attribute of `Tube`, whose array (m,) is infinite where a segment has no number. Joined and
+# reduced tubes, hashes, files and `info` follow from this table.
+SEGMENT_NUMBERS = {
+    "tool_speed": SegmentNumber(
+        "tube.tool_speed", 1e-6, 1e4, "m/s", "where the tool's speed is free"
+    ),
+    "clearance": SegmentNumber(
+        "clearance.segments", 0.0, 1e4, "m", "for the clearance of all others"
+    ),
+}
 
 
-def segment_values(user_value: Any, segments: int, what: SegmentNumber) -> FloatArray | None:
+def segment_values(user_value: Any, segments: int, name: str) -> FloatArray | None:
     """Return a number of every segment, shape (m,), infinite for none; None if all have none.
 
     Args:
         user_value: A number for all segments, or a number each; None or infinite for none.
         segments: Number m of segments.
-        what: The kind of number.
+        name: The kind of number, of `SEGMENT_NUMBERS`.
 
     Raises:
         ProblemError: A count or a number is wrong.
     """
     if user_value is None:
         return None
+    what = SEGMENT_NUMBERS[name]
     values = user_value.tolist() if isinstance(user_value, np.ndarray) else user_value
     is_list = isinstance(values, Sequence) and not isinstance(values, str)
     entries: list[Any] = list(values) if is_list else [values] * segments

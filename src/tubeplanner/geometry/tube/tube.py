@@ -6,7 +6,7 @@ base frame.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -33,8 +33,7 @@ from tubeplanner.geometry.tube.regions import (
 )
 from tubeplanner.geometry.tube.rotation import RotationalTube, RotationBound, given_rotation
 from tubeplanner.geometry.tube.segment_values import (
-    CLEARANCE,
-    TOOL_SPEED,
+    SEGMENT_NUMBERS,
     JointRange,
     JointSign,
     joint_ranges,
@@ -48,9 +47,7 @@ _ALL = slice(None)
 _MAX_NUMBER = 10**9  # of a point
 # Fields with an entry for each point, and for each segment.
 _BY_POINT = ("points", "orientations", "numbers")
-_BY_SEGMENT = (
-    *("radius", "joint_signs", "rotation_tolerance", "tool_speed", "cross_section", "clearance"),
-)
+_BY_SEGMENT = ("radius", "joint_signs", "rotation_tolerance", "cross_section", *SEGMENT_NUMBERS)
 _BLOCK = 100_000  # distances computed at once, which a processor's cache holds
 VISITS = ("ordered", "any")
 
@@ -156,9 +153,8 @@ class Tube:
                 f"radius, {radii.min():g} m, by at least {MIN_LENGTH:g} m"
             )
         labels = np.arange(segments + 1) if numbers is None else _numbers(numbers, segments)
-        speeds = segment_values(tool_speed, segments, TOOL_SPEED)
-        distances = segment_values(clearance, segments, CLEARANCE)
-        self._set(
+        numbers_of = {"tool_speed": tool_speed, "clearance": clearance}
+        vars(self).update(
             points=corners,
             radius=radii,
             tool_radius=float(tool_radius),
@@ -168,36 +164,30 @@ class Tube:
             rotation_tolerance=bounds,
             pass_through_points=pass_through_points,
             numbers=labels,
-            tool_speed=speeds,
             cross_section=sections,
-            clearance=distances,
             joint_ranges=ranges,
             rotation=rotation,
             notes=(),
             parts=None,
+            **{name: segment_values(each, segments, name) for name, each in numbers_of.items()},
         )
-        conditions = _conditions(ranges, bounds, speeds, sections, distances)
-        by_segment = list(zip(radii.tolist(), conditions, strict=True))
+        by_segment = list(zip(radii.tolist(), self.conditions, strict=True))
         whole = None if rotation is None else rotation.angles
         distinct = distinct_points(corners, by_segment, whole)
         if len(distinct.dropped):
             less = self.with_points(distinct.points, distinct.segments)
-            values = {field.name: getattr(less, field.name) for field in fields(self)}
-            values["notes"] = tuple(
+            notes = tuple(
                 f"tube.points: point {labels[k]} is the same as the one before within "
                 f"{MIN_LENGTH:g} m; it is left out, with segment {labels[k] - 1}"
                 for k in distinct.dropped
             )
-            self._set(**values)
+            vars(self).clear()
+            vars(self).update(vars(less), notes=notes)
 
     def __repr__(self) -> str:
         length = float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
         radii = f"{self.radius.min():g} to {self.radius.max():g} m"
         return f"<Tube of {self.segment_count} segments, {length:.4g} m long, radii {radii}>"
-
-    def _set(self, **values: object) -> None:
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
 
     @classmethod
     def anywhere(cls, begin: FloatArray, end: FloatArray) -> "Tube":
@@ -264,8 +254,11 @@ class Tube:
     @cached_property
     def conditions(self) -> tuple[tuple[object, ...], ...]:
         """Conditions of each of m segments beside the tool's position, to be compared."""
-        others = (self.tool_speed, self.cross_section, self.clearance)
-        return _conditions(self.joint_ranges, self.rotation_tolerance, *others)
+        names = ("joint_ranges", *(name for name in _BY_SEGMENT[2:]))
+        columns = [getattr(self, name) for name in names]
+        rows = [each.tolist() if isinstance(each, np.ndarray) else each for each in columns]
+        nothing = [None] * self.segment_count
+        return tuple(zip(*(row or nothing for row in rows), strict=True))
 
     @property
     def segment_count(self) -> int:
@@ -403,15 +396,6 @@ def _distances(p: FloatArray, start: FloatArray, axis: FloatArray) -> FloatArray
     x, y, z = (from_start - fraction * axis[:, i] for i, from_start in enumerate(away))
     distances: FloatArray = np.sqrt(x * x + y * y + z * z)
     return distances
-
-
-def _conditions(
-    ranges: tuple[Mapping[str, JointRange], ...], *others: FloatArray | tuple[object, ...] | None
-) -> tuple[tuple[object, ...], ...]:
-    """Return the conditions of each segment beside the tool's position."""
-    rows = [other.tolist() if isinstance(other, np.ndarray) else other for other in others]
-    nothing = [None] * len(ranges)
-    return tuple(zip(ranges, *(row or nothing for row in rows), strict=True))
 
 
 def _numbers(numbers: object, segments: int) -> IntArray:

@@ -14,7 +14,7 @@ from ruamel.yaml.error import YAMLError
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError, shown
-from tubeplanner.geometry.tube.segment_values import sign_of
+from tubeplanner.geometry.tube.segment_values import SEGMENT_NUMBERS, sign_of
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.task.field_changes import changed_problem
 from tubeplanner.task.fields import BaseFields, Section
@@ -170,7 +170,7 @@ def with_other_tube(
     file_points = merged_fields(below, own)["points"]
     if isinstance(file_points, str) or len(file_points) != len(tube.points):
         own["points"] = other["points"]
-        for key, values in (_rotation_fields(tube) | _speed_fields(tube)).items():
+        for key, values in (_rotation_fields(tube) | _number_fields(tube)).items():
             own[key] = values
         if tube.clearance is not None:
             segments = {"segments": _numbers_or_none(tube.clearance)}
@@ -239,7 +239,7 @@ def _tube_fields(tube: Tube) -> CommentedMap:
         ]
         fields["cross_section"] = _in_a_row(sections)
     fields["joint_signs"] = signs
-    fields.update(_speed_fields(tube))
+    fields.update(_number_fields(tube))
     return fields
 
 
@@ -253,11 +253,13 @@ def _rotation_fields(tube: Tube) -> dict[str, Any]:
     return {"orientations": _in_a_row(orientations), "rotation_tolerance": _in_a_row(bounds)}
 
 
-def _speed_fields(tube: Tube) -> dict[str, Any]:
-    """Return the fields of limits on the tool's speed, if any."""
-    if tube.tool_speed is None:
-        return {}
-    return {"tool_speed": _numbers_or_none(tube.tool_speed)}
+def _number_fields(tube: Tube) -> dict[str, Any]:
+    """Return the fields of numbers of segments, if any; null where infinite."""
+    return {
+        name: _numbers_or_none(values)
+        for name, number in SEGMENT_NUMBERS.items()
+        if (values := getattr(tube, name)) is not None and number.field == f"tube.{name}"
+    }
 
 
 def _numbers_or_none(values: FloatArray) -> Any:
