@@ -85,7 +85,7 @@ def test_the_mixture_is_no_worse_than_the_quintic_and_within_what_is_possible(sl
     points[:3], points[-3:] = 0.0, TRAVEL
     at = result._program.iterate(replace(sliding.motion.spline, control_points=points))
     assert at.squared_duration < longest**2
-    assert objective.value(result._found) < objective.value(at) + 0.05
+    assert objective.value(result._best) < objective.value(at) + 0.05
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +156,7 @@ def test_its_checkpoint_gets_the_duration_and_ends_it(post):
 def test_it_answers_a_certificate_with_samples_where_that_fails(post, monkeypatch):
     problem, shortest = post
     result, longest = smoothed(problem, shortest, 0.005), 1.005 * shortest.duration
-    added, before = [], result._found.spline
+    added, before = [], result.spline
     kind = type(result._program.constraints)
     monkeypatch.setattr(kind, "add_samples", lambda self, spline, x: added.append((spline, x)))
     passed = verify(problem, result.trajectory.scaled(longest))

@@ -1,7 +1,9 @@
 """Refinement on ever finer knots; sensitivities; second stage at fixed duration."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -59,46 +61,40 @@ _MANY_INTERVALS = 16
 _BETWEEN_SAMPLES = 0.003
 
 
-class Refinement:
-    """Refinement of a spline, and the best spline so far."""
+class Stage(ABC):
+    """An optimisation of a spline, and the best spline so far.
+
+    Attributes:
+        problem: The planning problem.
+        gave_up: True if the stage ended early, links too deep in an obstacle.
+    """
+
+    _name: ClassVar[str]  # in messages
+    _program: SequentialProgram
 
     def __init__(
-        self,
-        problem: PlanningProblem,
-        start: PhasedSpline,
-        divisions: tuple[int, ...],
-        checkpoint: Callable[[float], None] = lambda duration: None,
-        *,
-        widens: bool = True,
+        self, problem: PlanningProblem, start: PhasedSpline, checkpoint: Callable[[float], None]
     ) -> None:
-        """Take a problem and a start.
+        self.problem, self.gave_up = problem, False
+        self._start, self._checkpoint_duration = start, checkpoint
+        self._best: Iterate | None = None
+
+    @abstractmethod
+    def run(self) -> bool:
+        """Optimise the start; return True if there is an answer.
+
+        Raises:
+            Infeasible: Status no_trajectory: the motors cannot hold the start.
+        """
+
+    @abstractmethod
+    def answer(self, certificate: Certificate, duration: float) -> bool:
+        """Continue with samples where a certificate fails; return True if there is an answer.
 
         Args:
-            problem: The planning problem; segments are visited in order.
-            start: The first spline; its phases are the tube's segments or chains of them.
-            divisions: Number of parts of every knot interval after each round.
-            checkpoint: Called with the duration [s] after every step; it may raise to end the work.
-            widens: Whether coarse knots get a tube as wide as they are coarse; links that are deep
-                in an obstacle there end the refinement.
+            certificate: Of the best trajectory, at its limits.
+            duration: Of that trajectory [s].
         """
-        self._problem, self._start, self._divisions = problem, start, divisions
-        self._widens = widens
-        self._checkpoint_duration = checkpoint
-        self._radius = problem.tube.effective_radius
-        self._program: SequentialProgram  # of the level that `run` is on
-        self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
-        self._best: Iterate | None = None
-        self._gave_up = False
-
-    @property
-    def gave_up(self) -> bool:
-        """True if refinement ended early, links too deep in an obstacle."""
-        return self._gave_up
-
-    @property
-    def problem(self) -> PlanningProblem:
-        """The planning problem."""
-        return self._problem
 
     @property
     def has_spline(self) -> bool:
@@ -109,66 +105,104 @@ class Refinement:
     def spline(self) -> PhasedSpline:
         """The best spline so far, or the last if none was feasible."""
         if self._best is None:
-            raise RuntimeError("refinement has not run")
+            raise RuntimeError(f"{self._name} has not run")
         return self._best.spline
 
     @property
     def trajectory(self) -> JointTrajectory:
         """`spline` as a trajectory of duration 1 s."""
-        return from_spline(self._problem.robot.joint_names, self.spline.bspline())
+        return from_spline(self.problem.robot.joint_names, self.spline.bspline())
 
     @property
     def segments(self) -> IntArray:
         """The tube segment of each polynomial piece of `trajectory`, shape (pieces,)."""
         return segments_of_pieces(self.spline.grid)
 
+    def _begun(self, spline: PhasedSpline) -> Iterate:
+        iterate = self._program.iterate(spline)
+        if not np.isfinite(iterate.squared_duration):
+            message = f"{self._name} has no trajectory to start from"
+            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
+        return iterate
+
+    def _add_failures(self, certificate: Certificate, duration: float) -> bool:
+        """Add samples of the best spline where a certificate fails; return True if there are."""
+        locations = [certificate.conditions[name].where for name in certificate.failures()]
+        times = [location.time for location in locations if location.time is not None]
+        for time in times:
+            self._program.constraints.add_samples(self.spline, time / duration)
+        return bool(times)
+
+
+class Refinement(Stage):
+    """Refinement of a spline."""
+
+    _name = "refinement"
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        start: PhasedSpline,
+        divisions: tuple[int, ...] | None,
+        checkpoint: Callable[[float], None] = lambda duration: None,
+        *,
+        widens: bool = True,
+        max_steps: int | None = None,
+    ) -> None:
+        """Take a problem and a start.
+
+        Args:
+            problem: The planning problem; segments are visited in order.
+            start: The first spline; its phases are the tube's segments or chains of them.
+            divisions: Number of parts of every knot interval after each round; None: the start is
+                nearly an answer, and refined on its own knots.
+            checkpoint: Called with the duration [s] after every step; it may raise to end the work.
+            widens: Whether coarse knots get a tube as wide as they are coarse; links that are deep
+                in an obstacle there end the refinement.
+            max_steps: After more steps `run` raises Infeasible; None: after no number.
+        """
+        super().__init__(problem, start, checkpoint)
+        self._divisions, self._widens = divisions, widens
+        self._steps, self._max_steps = 0, max_steps
+        self._radius = problem.tube.effective_radius
+        self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
+
     def run(self) -> bool:
         """Refine to the finest knots, or until links turn out to stay in obstacles; return True.
 
         Raises:
-            Infeasible: Status no_trajectory: the motors cannot hold the start.
+            Infeasible: Status no_trajectory: the motors cannot hold the start, or too many steps.
         """
-        spline, trust, links = self._start, _FIRST_TRUST, LinkConstraints(self._problem)
-        for level, parts in enumerate(self._divisions, 1):
-            is_last = level == len(self._divisions)
-            self._begin_level(spline.grid, links, widens=self._widens)
-            self._program.constraints.add_link_samples(spline)
+        spline, trust, links = self._start, _FIRST_TRUST, LinkConstraints(self.problem)
+        for level, parts in enumerate(self._divisions or (), 1):
+            is_last = level == len(self._divisions or ())
+            self._begin_level(spline, links, widens=self._widens)
             # The fewest knots may be too few to go round an obstacle: a last try has some more.
             is_decisive = is_last and has_enough_knots(spline.grid)
             is_second_of_last_try = level > 1 and is_decisive and not self._widens
             steps = _STEPS_TO_GET_OUT if is_second_of_last_try else _MAX_STEPS
             coarse = self._on_coarse_knots(spline, trust, steps)
             if (self._widens or is_decisive) and _is_hopeless(coarse):
-                self._best, self._gave_up = coarse, True
+                self._best, self.gave_up = coarse, True
                 return True
             spline, trust = subdivided(coarse.spline, parts), _LATER_TRUST
             links = self._program.constraints.links_on(coarse.spline, spline)
-        self._begin_level(spline.grid, links, widens=False)
-        self._program.constraints.add_link_samples(spline)
-        begun = self._begun(spline)
-        if _passed_through(begun):
-            self._best, self._gave_up = begun, True
+        self._begin_level(spline, links, widens=False)
+        begun, is_near = self._begun(spline), self._divisions is None
+        if _passed_through(begun) and not is_near:
+            self._best, self.gave_up = begun, True
         else:
+            trust = _NEAR_TRUST if is_near else trust
             self._exchange(self._improved(begun, trust, _GAIN, _MAX_STEPS))
+        self._max_steps = None
         return True
 
-    def run_on(self) -> bool:
-        """Refine a start that is nearly an answer, on its own knots; return True.
-
-        Raises:
-            Infeasible: As `run`.
-        """
-        spline = self._start
-        self._begin_level(spline.grid, LinkConstraints(self._problem), widens=False)
-        self._program.constraints.add_link_samples(spline)
-        self._exchange(self._improved(self._begun(spline), _NEAR_TRUST, _GAIN, _MAX_STEPS))
-        return True
-
-    def _begin_level(self, grid: KnotGrid, links: LinkConstraints, *, widens: bool) -> None:
-        own = self._problem.tube.effective_radius
-        self._radius = widened_radius(self._problem.tube, grid) if widens else own
-        self._program = SequentialProgram(self._problem, grid, links, self._radius)
+    def _begin_level(self, spline: PhasedSpline, links: LinkConstraints, *, widens: bool) -> None:
+        tube = self.problem.tube
+        self._radius = widened_radius(tube, spline.grid) if widens else tube.effective_radius
+        self._program = SequentialProgram(self.problem, spline.grid, links, self._radius)
         self._program.constraints.blend(WIDELY_BLENDED)
+        self._program.constraints.add_link_samples(spline)
         self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
@@ -176,20 +210,13 @@ class Refinement:
 
         False, too, if the best trajectory is infeasible at the present samples, or links are deep
         in an obstacle at the new ones.
-
-        Args:
-            certificate: Of the best trajectory, scaled to the limits.
-            duration: Of that trajectory [s].
         """
-        times = _failure_times(certificate)
-        if self._best is None or self._best.excess > MERIT_TOLERANCE or not times:
+        is_feasible = self._best is not None and self._best.excess <= MERIT_TOLERANCE
+        if not is_feasible or not self._add_failures(certificate, duration):
             return False
-        spline = self._best.spline
-        for time in times:
-            self._program.constraints.add_samples(spline, time / duration)
-        again = self._program.iterate(spline)
+        again = self._program.iterate(self.spline)
         if _passed_through(again):
-            self._gave_up = True
+            self.gave_up = True
             return False
         self._exchange(self._improved(again, _LAST_TRUST, _LAST_GAIN, _MAX_STEPS))
         return True
@@ -200,7 +227,7 @@ class Refinement:
             return {}
         spline, program = self._best.spline, self._program
         if spline.grid is not program.grid:  # ended before there was a trajectory on finer knots
-            program = SequentialProgram(self._problem, spline.grid)
+            program = SequentialProgram(self.problem, spline.grid)
         return program.elasticities(program.iterate(spline))
 
     def _on_coarse_knots(self, spline: PhasedSpline, trust: float, max_steps: int) -> Iterate:
@@ -230,9 +257,6 @@ class Refinement:
         self._penalty, self._trust = result.penalty, result.trust
         return result
 
-    def _begun(self, spline: PhasedSpline) -> Iterate:
-        return _first_iterate(self._program, spline, "refinement")
-
     def _exchange(self, result: Improved) -> None:
         """Set the best trajectory between samples too, adding samples where constraints fail."""
         best, dodges = None, 0
@@ -250,17 +274,21 @@ class Refinement:
             again = self._program.iterate(result.iterate.spline)
             dodges += _passed_through(again)
             if best is None and (_has_settled_inside(result) or dodges == _MAX_DODGES):
-                self._gave_up = True
+                self.gave_up = True
                 break
             trust = min(max(2 * result.trust.radius, _MIN_LAST_TRUST), _LAST_TRUST)
             result = self._improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
         self._best = best or result.iterate
 
     def _checkpoint(self, iterate: Iterate) -> None:
-        is_widened = (self._radius > self._problem.tube.effective_radius).any()
+        is_widened = (self._radius > self.problem.tube.effective_radius).any()
         if iterate.excess <= MERIT_TOLERANCE and not is_widened:
             self._best = iterate
         self._checkpoint_duration(iterate.duration)
+        self._steps += 1
+        if self._max_steps is not None and self._steps > self._max_steps:
+            message = f"refinement still changed its start after {self._max_steps} steps"
+            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
 
 
 def has_enough_knots(grid: KnotGrid) -> bool:
@@ -281,20 +309,6 @@ def _has_settled_inside(result: Improved) -> bool:
 def _passed_through(again: Iterate) -> bool:
     """Return True if links are deep in an obstacle at new samples: they passed between the old."""
     return bool(again.links.excess.max(initial=0.0) > _DODGED)
-
-
-def _failure_times(certificate: Certificate) -> list[float]:
-    locations = [certificate.conditions[name].where for name in certificate.failures()]
-    return [location.time for location in locations if location.time is not None]
-
-
-def _first_iterate(program: SequentialProgram, spline: PhasedSpline, stage: str) -> Iterate:
-    """Return the iterate of a spline; raise Infeasible if the motors cannot hold the motion."""
-    iterate = program.iterate(spline)
-    if not np.isfinite(iterate.squared_duration):
-        message = f"{stage} has no trajectory to start from"
-        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
-    return iterate
 
 
 # ---- The sensitivities of a refined trajectory: the cost of each tolerance and each motor.
@@ -388,8 +402,10 @@ _BLENDED, _MAX_AT_REVERSALS = 8.0, 7e-4
 _LESS_SLACK, _LESS_CLEARANCE, _MAX_CLEARANCE = 0.05, 0.1, 0.02
 
 
-class SecondStage:
-    """The second stage of a spline, and the best spline so far."""
+class SecondStage(Stage):
+    """The second stage of a spline."""
+
+    _name = "the second stage"
 
     def __init__(
         self,
@@ -408,7 +424,8 @@ class SecondStage:
             clearance: Clearance of the shortest motion from obstacles, beyond the required one [m].
             checkpoint: Called with the duration [s] after every step; it may raise to end the work.
         """
-        self._problem, self._start, self._longest = problem, spline, longest
+        super().__init__(problem, spline, checkpoint)
+        self._longest = longest
         plain = SplineConstraints(
             problem, spline.grid, LinkConstraints(problem), problem.tube.effective_radius
         )
@@ -429,36 +446,10 @@ class SecondStage:
             slack=_slack(problem, dense) - _LESS_SLACK,
         )
         self._program.constraints.blend(_BLENDED)
-        self._checkpoint = checkpoint
         self._penalty = _PENALTY
-        self._best: Iterate | None = None
-
-    @property
-    def gave_up(self) -> bool:
-        """False: the second stage never ends early."""
-        return False
-
-    @property
-    def has_spline(self) -> bool:
-        """True if there is a better motion."""
-        return self._best is not None
-
-    @property
-    def trajectory(self) -> JointTrajectory:
-        """The best motion so far, as a trajectory of duration 1 s."""
-        return from_spline(self._problem.robot.joint_names, self._found.spline.bspline())
-
-    @property
-    def segments(self) -> IntArray:
-        """The tube segment of each polynomial piece of `trajectory`, shape (pieces,)."""
-        return segments_of_pieces(self._found.spline.grid)
 
     def run(self) -> bool:
-        """Improve the motion; return True if there is an answer.
-
-        Raises:
-            Infeasible: Status no_trajectory: the motors cannot hold the shortest motion.
-        """
+        """Improve the shortest motion; return True if there is an answer."""
         constraints, start = self._program.constraints, self._start
         constraints.add_link_samples(start)
         first = TrustRegion(_SMOOTHING_TRUST, _FIRST_DAMPING)
@@ -468,27 +459,10 @@ class SecondStage:
         )
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
-        """Continue with samples where a certificate fails; return True if there is an answer.
-
-        Args:
-            certificate: Of the best motion in the longest duration.
-            duration: Of that motion [s].
-        """
-        times = _failure_times(certificate)
-        spline = self._found.spline
-        for time in times:
-            self._program.constraints.add_samples(spline, time / duration)
+        """Continue with samples where a certificate fails; return True if there is an answer."""
+        spline, has_samples = self.spline, self._add_failures(certificate, duration)
         self._best = None
-        return bool(times) and self._improved(self._begun(spline), TrustRegion(_MIN_TRUST))
-
-    @property
-    def _found(self) -> Iterate:
-        if self._best is None:
-            raise RuntimeError("the second stage has not run")
-        return self._best
-
-    def _begun(self, spline: PhasedSpline) -> Iterate:
-        return _first_iterate(self._program, spline, "the second stage")
+        return has_samples and self._improved(self._begun(spline), TrustRegion(_MIN_TRUST))
 
     def _improved(self, current: Iterate, trust: TrustRegion) -> bool:
         """Set the best motion, adding samples and links where constraints fail; True if any."""
@@ -499,7 +473,7 @@ class SecondStage:
                 self._penalty,
                 min_gain=_SMOOTHING_GAIN,
                 max_steps=_SMOOTHING_STEPS,
-                checkpoint=lambda iterate: self._checkpoint(self._longest),
+                checkpoint=lambda iterate: self._checkpoint_duration(self._longest),
             )
             self._penalty = result.penalty
             value = self._objective.value
@@ -518,7 +492,7 @@ class SecondStage:
         if dense.excess > MERIT_TOLERANCE:
             return False
         longest = self._longest * (1 - _BETWEEN_LOOKS)
-        if not self._problem.robot.motors.has_coulomb_friction:
+        if not self.problem.robot.motors.has_coulomb_friction:
             return dense.squared_duration <= longest**2
         return self._has_time_with_friction(dense.spline, longest)
 
@@ -528,10 +502,10 @@ class SecondStage:
         Blended friction asks for more than the exact one, and between samples, where efforts are
         steep, may miss the peak at a reversal.
         """
-        shape = from_spline(self._problem.robot.joint_names, spline.bspline())
+        shape = from_spline(self.problem.robot.joint_names, spline.bspline())
         segments = segments_of_pieces(spline.grid)
         try:
-            if minimum_duration(self._problem, shape, segments=segments) <= longest:
+            if minimum_duration(self.problem, shape, segments=segments) <= longest:
                 return True
         except Infeasible:
             pass

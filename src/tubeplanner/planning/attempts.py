@@ -1,15 +1,21 @@
-"""The order of attempts at one problem, and the result when all fail."""
+"""The attempts at a problem: their order, when each is made, and the result when all fail."""
 
-from dataclasses import replace
-from typing import TypeGuard
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
-from tubeplanner.certificate.refusal import require_free
 from tubeplanner.first_guess.branches import KnownBranches
 from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.outcome import Infeasible, PlanningClock, PlanStatus
 from tubeplanner.planning.diagnosis import certain_blocking_sample, refined_diagnosis
 from tubeplanner.planning.necessary_conditions import require_possible
-from tubeplanner.planning.options import REFINEMENT, STOP_AT_CORNERS, SUH_BISHOP, PlanOptions
+from tubeplanner.planning.options import (
+    BRANCH_AND_BOUND,
+    METHODS,
+    REFINEMENT,
+    STOP_AT_CORNERS,
+    SUH_BISHOP,
+    PlanOptions,
+)
 from tubeplanner.planning.refined_plan import RefinedPlans, continued_plan, narrowed_plan
 from tubeplanner.planning.result import PlanResult, refused_result, stopped_result
 from tubeplanner.planning.waypoint_plans import (
@@ -22,113 +28,200 @@ from tubeplanner.planning.waypoint_plans import (
 from tubeplanner.task.problem import PlanningProblem
 
 _CONTINUED = "planned from the last motion, not afresh"
-_PROVIDED_AT = 0.25  # of the time limit
+# Fraction of the time limit after which refinement pauses for stops at corners.
+_RESERVE_AT = 0.25
+
+
+class _Planning:
+    """A problem, and what the attempts at it have so far.
+
+    Attributes:
+        method: The method; tubes whose segments have no order are searched, not refined.
+        is_brief: True if refinement is to give up early.
+        corners: Stops at corners, after that attempt or in reserve.
+        refined: The best result of refinement so far.
+        refusal: The refusal of all attempts before the diagnosis.
+    """
+
+    corners: StoppingPlan | None = None
+    refined: PlanResult | None = None
+    refusal: PlanResult | None = None
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        last: RefinedMotion | None,
+        options: PlanOptions,
+        clock: PlanningClock,
+    ) -> None:
+        self.problem, self.last, self.options, self.clock = problem, last, options, clock
+        is_ordered = problem.tube.visit == "ordered"
+        is_searched = options.method == REFINEMENT and not is_ordered
+        self.method = BRANCH_AND_BOUND if is_searched else options.method
+        self.is_brief = self.method == REFINEMENT and not options.persistent
+        self.branches = KnownBranches(problem, clock)
+        self.starts = RefinedPlans(problem, self.branches, options, clock, self._fill_reserve)
+
+    def stopping(self, *, every_rule: bool = True) -> StoppingPlan:
+        """Return stops at corners, from the reserve if they are there."""
+        if self.corners is None:
+            self.corners = stopping_plan(
+                self.problem, self.branches, self.clock, every_rule=every_rule
+            )
+        return self.corners
+
+    @property
+    def can_stop_at_corners(self) -> bool:
+        """True if stops at corners are certified, the clock not stopped."""
+        result = self.stopping().result
+        return result.succeeded and result.stopped_by is None
+
+    def _fill_reserve(self) -> None:
+        if self.clock.used >= _RESERVE_AT:
+            self.stopping()
+
+    def without_motion(self, stopped: PlanResult) -> PlanResult:
+        """Return the result of refinement that was stopped: the reserve, or the reason."""
+        if self.corners is None and self.branches.has_any:  # then corners take little time
+            silent = PlanningClock(None, None)  # the callback would only interrupt again
+            self.corners = stopping_plan(self.problem, self.branches.under(silent), silent)
+        stopped_by, corners = stopped.stopped_by or "interrupt", self.corners
+        if corners is None or (stopped_by == "interrupt" and not corners.result.succeeded):
+            return stopped_result(self.clock, stopped_by, REFINEMENT)
+        return replace(self.better_reason(corners.result), stopped_by=stopped_by)
+
+    def better_reason(self, result: PlanResult) -> PlanResult:
+        """Return a result, with refinement's reason if links block both."""
+        refined, blocked = self.refined, PlanStatus.TUBE_BLOCKED
+        if refined is not None and result.status is blocked and refined.status is blocked:
+            return replace(refined, search=result.search)
+        return result
+
+
+def _necessary_conditions(state: _Planning) -> None:
+    require_possible(state.problem, state.branches)
+
+
+def _rest(state: _Planning) -> PlanResult | None:
+    ends = state.branches.require_ends()
+    return resting_plan(state.problem, ends, state.options.method, state.clock)
+
+
+def _both_phases_of_1988(state: _Planning) -> PlanResult:
+    return suh_bishop_plan(state.problem, state.branches, state.options, state.clock)
+
+
+def _last_motion(state: _Planning) -> PlanResult | None:
+    assert state.last is not None
+    result = continued_plan(state.problem, state.last, state.clock)
+    if result is None or not result.succeeded:
+        return result
+    return replace(result, notes=(*result.notes, _CONTINUED))
+
+
+def _certain_obstruction(state: _Planning) -> None:
+    start = state.branches.require_ends()[0]
+    reason = certain_blocking_sample(state.problem, start, state.clock.check)
+    if reason is not None:
+        raise reason
+
+
+def _first_start(state: _Planning) -> PlanResult | None:
+    return _refined(state, state.starts.after_one())
+
+
+def _every_start(state: _Planning) -> PlanResult | None:
+    return _refined(state, state.starts.after_all())
+
+
+def _refined(state: _Planning, result: PlanResult | None) -> PlanResult | None:
+    state.refined = result
+    if result is None or result.succeeded:
+        return result
+    return None if result.stopped_by is None else state.without_motion(result)
+
+
+def _stops_at_corners(state: _Planning) -> PlanResult | None:
+    result = state.stopping(every_rule=not state.is_brief).result
+    if state.method == STOP_AT_CORNERS:
+        return result
+    is_enough = state.is_brief and not result.succeeded
+    return state.better_reason(result) if is_enough else None
+
+
+def _narrower_tubes(state: _Planning) -> PlanResult | None:
+    return narrowed_plan(state.problem, state.options, state.clock)
+
+
+def _search(state: _Planning) -> PlanResult | None:
+    result = searched_plan(state.problem, state.stopping(), state.options, state.clock)
+    state.refusal = result = state.better_reason(result)
+    return result if result.succeeded or state.method != REFINEMENT else None
+
+
+def _diagnosis(state: _Planning) -> PlanResult | None:
+    assert state.refusal is not None
+    return refined_diagnosis(state.problem, state.branches, state.refusal, state.clock)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """An attempt.
+
+    Attributes:
+        run: Returns the result that ends planning, None for the next attempt; Infeasible is a
+            result too.
+        methods: The methods that make it.
+        applies: Whether it is made, besides the method.
+    """
+
+    run: Callable[[_Planning], PlanResult | None]
+    methods: tuple[str, ...]
+    applies: Callable[[_Planning], bool] = lambda state: True
+
+
+# In this order, until one has a result. After a quarter of a time limit, stops at corners are made
+# between the steps of refinement: an answer, should there be no better one in time. If all fail,
+# the diagnosis has the first condition that no configuration satisfies at some sample of the
+# reference path; without such a sample, refinement's reason if links block both refinement and the
+# search, else the search's, or that of stops at corners where it did not run.
+ATTEMPTS = (
+    Attempt(_necessary_conditions, METHODS),
+    Attempt(_rest, METHODS),
+    Attempt(_both_phases_of_1988, (SUH_BISHOP,)),
+    Attempt(_last_motion, (REFINEMENT,), lambda state: state.last is not None),
+    Attempt(_certain_obstruction, (REFINEMENT,), lambda state: state.is_brief),
+    Attempt(_first_start, (REFINEMENT,), lambda state: state.is_brief),
+    Attempt(_every_start, (REFINEMENT,), lambda state: not state.is_brief),
+    Attempt(_stops_at_corners, (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS)),
+    Attempt(_every_start, (REFINEMENT,), lambda state: state.is_brief),
+    Attempt(_narrower_tubes, (REFINEMENT,), lambda state: state.can_stop_at_corners),
+    Attempt(_search, (REFINEMENT, BRANCH_AND_BOUND)),
+    Attempt(_diagnosis, (REFINEMENT,)),
+)
 
 
 def attempted_plan(
     problem: PlanningProblem, last: RefinedMotion | None, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
-    """Return the answer of the first attempt with an answer, or the refusal.
+    """Return the result of the first attempt that has one.
+
+    Args:
+        problem: The planning problem.
+        last: The motion to begin with; None: planned afresh.
+        options: Options of planning; the time limit is the clock's.
+        clock: The planning's.
 
     Raises:
         TimeLimitReached: Before there was a result; likewise KeyboardInterrupt.
     """
-    branches = KnownBranches(problem, clock)
+    state, result = _Planning(problem, last, options, clock), None
+    attempts = (each for each in ATTEMPTS if state.method in each.methods and each.applies(state))
     try:
-        require_possible(problem, branches)
+        while result is None:
+            result = next(attempts).run(state)
     except Infeasible as reason:
-        return refused_result(reason, options.method)
-    resting = resting_plan(problem, branches.require_ends(), options.method, clock)
-    if resting is not None:
-        return resting
-    result = _attempted(problem, branches, options, clock, last)
+        result = refused_result(reason, options.method)
     if result.proved is not False or result.starts_tried:
         return result
-    return replace(result, starts_tried=branches.tried)
-
-
-def _attempted(
-    problem: PlanningProblem,
-    branches: KnownBranches,
-    options: PlanOptions,
-    clock: PlanningClock,
-    last: RefinedMotion | None,
-) -> PlanResult:
-    """Return the answer of the first attempt with an answer, or the last refusal.
-
-    Raises:
-        TimeLimitReached: Before there was a result; likewise KeyboardInterrupt.
-    """
-    if options.method == SUH_BISHOP:
-        return suh_bishop_plan(problem, branches, options, clock)
-    if options.method != REFINEMENT or problem.tube.visit != "ordered":
-        return _searched(problem, stopping_plan(problem, branches, clock), options, clock)
-    continued = None if last is None else continued_plan(problem, last, clock)
-    if continued is not None:
-        notes = (*continued.notes, _CONTINUED) if continued.succeeded else continued.notes
-        return replace(continued, notes=notes)
-    if not options.persistent:
-        blocked = certain_blocking_sample(problem, branches.require_ends()[0], clock.check)
-        if blocked is not None:
-            return refused_result(blocked, REFINEMENT)
-    corners: StoppingPlan | None = None
-
-    def stop_at_corners() -> None:
-        # After a part of the time: an answer, in case no better one comes in time.
-        nonlocal corners
-        if corners is None and clock.used >= _PROVIDED_AT:
-            corners = stopping_plan(problem, branches, clock)
-
-    plans = RefinedPlans(problem, branches, options, clock, stop_at_corners)
-    refined = plans.after_all() if options.persistent else plans.after_one()
-    if not options.persistent and not _is_last(refined):
-        corners = corners or stopping_plan(problem, branches, clock, every_rule=False)
-        if not corners.result.succeeded:
-            return _with_better_reason(corners.result, refined)
-        refined = plans.after_all()
-    if _is_last(refined):
-        if refined.succeeded:
-            return refined
-        # Stopped before a motion was certified.
-        if corners is None and branches.has_any:  # along a branch, corners take little time
-            silent = PlanningClock(None, None)  # the callback would only interrupt again
-            corners = stopping_plan(problem, branches.under(silent), silent)
-        if corners is None or (refined.stopped_by == "interrupt" and not corners.result.succeeded):
-            return stopped_result(clock, refined.stopped_by or "interrupt", REFINEMENT)
-        result = _with_better_reason(corners.result, refined)
-        return replace(result, stopped_by=refined.stopped_by)
-    corners = corners or stopping_plan(problem, branches, clock, every_rule=True)
-    if corners.result.succeeded and corners.result.stopped_by is None:
-        narrowed = narrowed_plan(problem, options, clock)
-        if narrowed is not None:
-            return narrowed
-    result = _with_better_reason(_searched(problem, corners, options, clock), refined)
-    return refined_diagnosis(problem, branches, result, clock)
-
-
-def _is_last(refined: PlanResult | None) -> TypeGuard[PlanResult]:
-    """Return True if no other method is tried after refinement's result."""
-    return refined is not None and (refined.succeeded or refined.stopped_by is not None)
-
-
-def _searched(
-    problem: PlanningProblem, corners: StoppingPlan, options: PlanOptions, clock: PlanningClock
-) -> PlanResult:
-    """Return the result of branch and bound along a branch, or of stopping at corners alone."""
-    branch = corners.branch
-    searches = options.method != STOP_AT_CORNERS and corners.result.stopped_by is None
-    if not searches or branch is None or not branch.moving_segments:
-        return corners.result
-    try:
-        require_free(problem, "goal", branch.goal)
-    except Infeasible:  # all trajectories of the search would end there
-        return corners.result
-    return searched_plan(problem, branch, corners, options, clock)
-
-
-def _with_better_reason(result: PlanResult, refined: PlanResult | None) -> PlanResult:
-    """Return a result, with refinement's reason if links block both."""
-    blocked = PlanStatus.TUBE_BLOCKED
-    if refined is not None and result.status is blocked and refined.status is blocked:
-        return replace(refined, search=result.search)
-    return result
+    return replace(result, starts_tried=state.branches.tried)

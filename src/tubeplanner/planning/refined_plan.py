@@ -4,24 +4,20 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import count
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from tubeplanner.arrays import IntArray
-from tubeplanner.certificate.verification import Certificate
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import KnownBranches, ReferenceBranch, redundancy_rules
 from tubeplanner.limits.time_scaling import scaled_to_limits
 from tubeplanner.optimizer.auxiliary_tubes import smoother_problem, widened_radius
 from tubeplanner.optimizer.phased_spline import PhasedSpline
 from tubeplanner.optimizer.segment_runs import sharpest_bend, tube_chains
-from tubeplanner.optimizer.stages import Refinement, has_enough_knots, limit_sensitivities
+from tubeplanner.optimizer.stages import Refinement, Stage, has_enough_knots, limit_sensitivities
 from tubeplanner.optimizer.starts import RefinedMotion, sufficient_start
 from tubeplanner.outcome import (
     Infeasible,
-    Location,
     PlanningClock,
     PlanStatus,
     Progress,
@@ -38,79 +34,48 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 _MAX_OBJECTIONS = 5
 
 
-class OptimisedMotion(Protocol):
-    """A motion that the optimiser works on."""
-
-    @property
-    def has_spline(self) -> bool:
-        """True if there is a trajectory."""
-        ...
-
-    @property
-    def gave_up(self) -> bool:
-        """True if the optimiser ended early, without hope."""
-        ...
-
-    @property
-    def trajectory(self) -> JointTrajectory:
-        """The best motion so far, as a trajectory of a second."""
-        ...
-
-    @property
-    def segments(self) -> IntArray:
-        """The tube segment of each polynomial piece, shape (pieces,)."""
-        ...
-
-    def answer(self, certificate: Certificate, duration: float) -> bool:
-        """Continue with samples where a certificate fails; return True if there was work to do."""
-        ...
-
-
 def certified_motion(
     problem: PlanningProblem,
-    motion: OptimisedMotion,
-    work: Callable[[], bool],
+    stage: Stage,
     clock: PlanningClock,
     *,
     timed: Callable[[JointTrajectory], JointTrajectory] = lambda shortest: shortest,
     needs_reason: bool = True,
 ) -> PlanResult | None:
-    """Return the result of an optimised motion, with samples added where its certificate fails.
+    """Run a stage and return its result, with samples added where its certificate fails.
 
     After Ctrl-C or the time limit, certifies the best motion so far.
 
     Args:
         problem: The problem for which the motion is certified.
-        motion: A motion of the problem, or of one whose tube lies inside the problem's.
-        work: The optimiser's first work; returns True if there is a motion to certify.
+        stage: A stage of the problem, or of one whose tube lies inside the problem's.
         clock: The planning's.
         timed: Retimes the trajectory at its limits before it is certified.
-        needs_reason: Whether a certificate is to give a reason even where the optimiser gave up.
+        needs_reason: Whether a certificate is to give a reason even where the stage gave up.
 
     Returns:
-        None if the optimiser gave up and no reason was needed, or nothing was to be certified.
+        None if the stage gave up and no reason was needed, or nothing was to be certified.
 
     Raises:
         Infeasible: Nothing to start from.
     """
-    result: PlanResult | None = None
+    result, work = None, stage.run
     for _ in range(_MAX_OBJECTIONS):
         has_more, stopped_by = until_stopped(work)
-        if stopped_by is not None and not motion.has_spline:
+        if stopped_by is not None and not stage.has_spline:
             return stopped_result(clock, stopped_by, REFINEMENT)
         if has_more is False:
             break
-        if motion.gave_up and not needs_reason:
+        if stage.gave_up and not needs_reason:
             return None
-        trajectory = scaled_to_limits(problem, motion.trajectory, segments=motion.segments)
-        trajectory = timed(trajectory)
+        trajectory = timed(scaled_to_limits(problem, stage.trajectory, segments=stage.segments))
         result = certified_result(problem, trajectory, REFINEMENT, clock)
         result = replace(result, stopped_by=stopped_by)
         if result.succeeded or result.certificate is None:
             break
-        if motion.gave_up or stopped_by is not None:
+        if stage.gave_up or stopped_by is not None:
             break
-        work = partial(motion.answer, result.certificate, trajectory.duration)
+        work = partial(stage.answer, result.certificate, trajectory.duration)
     return result
 
 
@@ -127,17 +92,6 @@ _MIN_DIVISION = 2
 
 # Choices of knots: the first number of intervals, about, and the numbers of parts of divisions.
 _Knots: TypeAlias = tuple[tuple[int, tuple[int, ...]], ...]
-
-
-def refined_plan(
-    problem: PlanningProblem, branches: KnownBranches, options: PlanOptions, clock: PlanningClock
-) -> PlanResult | None:
-    """Return the fastest certified trajectory of all starts, or the first start's refusal.
-
-    Returns:
-        None if there was nothing to start from.
-    """
-    return RefinedPlans(problem, branches, options, clock).after_all()
 
 
 class RefinedPlans:
@@ -207,11 +161,7 @@ class RefinedPlans:
                     # Only the first refusal is reported: where refinement gave up later, no reason
                     # is needed.
                     result = certified_refinement(
-                        self._problem,
-                        refinement,
-                        refinement.run,
-                        self._clock,
-                        needs_reason=self._best is None,
+                        self._problem, refinement, self._clock, needs_reason=self._best is None
                     )
                     gave_up = refinement.gave_up
                 except Infeasible:  # nothing from this start
@@ -384,27 +334,12 @@ def entered(
 def certified_refinement(
     problem: PlanningProblem,
     refinement: Refinement,
-    work: Callable[[], bool],
     clock: PlanningClock,
     *,
     needs_reason: bool = True,
 ) -> PlanResult | None:
-    """Return refinement's result, as `certified_motion`, with sensitivities and its last motion.
-
-    Args:
-        problem: The problem for which the motion is certified.
-        refinement: Refinement of the problem, or of one whose tube lies inside the problem's.
-        work: Refinement's first work.
-        clock: The planning's.
-        needs_reason: Whether a certificate is to give a reason even where refinement gave up.
-
-    Returns:
-        None if refinement gave up and no reason was needed.
-
-    Raises:
-        Infeasible: Nothing to start from.
-    """
-    result = certified_motion(problem, refinement, work, clock, needs_reason=needs_reason)
+    """Return the result of `certified_motion`, with sensitivities and refinement's last motion."""
+    result = certified_motion(problem, refinement, clock, needs_reason=needs_reason)
     if result is None or result.trajectory is None:
         return result
     sensitivities = limit_sensitivities(problem, refinement, result.trajectory.duration)
@@ -435,10 +370,9 @@ def continued_plan(
         return None
     try:
         start = last.shifted(inner)
-        steps = _FirstSteps(entered(start.grid.interval_count, clock))
-        refinement = Refinement(inner, start, (), steps)
-        work = partial(steps.until_answered, refinement.run_on)
-        result = certified_refinement(problem, refinement, work, clock)
+        checkpoint = entered(start.grid.interval_count, clock)
+        refinement = Refinement(inner, start, None, checkpoint, max_steps=_MAX_STEPS)
+        result = certified_refinement(problem, refinement, clock)
     except Infeasible:
         return None
     if result is not None and result.succeeded:
@@ -446,36 +380,6 @@ def continued_plan(
     if result is None or result.stopped_by is None:
         return None
     return stopped_result(clock, result.stopped_by, REFINEMENT)
-
-
-class _FirstSteps:
-    """A checkpoint that ends the work after too many steps before its first answer.
-
-    Steps after a certificate's objection to that answer do not count: they say nothing of its
-    distance from the last motion.
-    """
-
-    def __init__(self, checkpoint: Callable[[float], None]) -> None:
-        self._checkpoint = checkpoint
-        self._steps = count(1)
-        self._has_answer = False
-
-    def __call__(self, duration: float) -> None:
-        """Count a step.
-
-        Raises:
-            Infeasible: Status no_trajectory: too many steps.
-        """
-        self._checkpoint(duration)
-        if not self._has_answer and next(self._steps) > _MAX_STEPS:
-            message = f"the last motion still changed after {_MAX_STEPS} steps"
-            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
-
-    def until_answered(self, work: Callable[[], bool]) -> bool:
-        """Do the work up to the first answer, whose steps are counted; return its result."""
-        has_answer = work()
-        self._has_answer = True
-        return has_answer
 
 
 # ---- Planning through narrower tubes, where links get stuck on the way to a fast motion in a wide
@@ -503,7 +407,8 @@ def narrowed_plan(
     for ratio in _NARROWER:
         with suppress(ProblemError, Infeasible):  # start or goal outside, or no motion
             narrower = problem.with_tube(problem.tube.scaled(ratio))
-            result = refined_plan(narrower, KnownBranches(narrower, clock), options, clock)
+            branches = KnownBranches(narrower, clock)
+            result = RefinedPlans(narrower, branches, options, clock).after_all()
             if result is None or result.motion is None or result.trajectory is None:
                 continue
             if result.stopped_by is None:
@@ -519,5 +424,5 @@ def _widened(
     problem: PlanningProblem, start: PhasedSpline, clock: PlanningClock
 ) -> PlanResult | None:
     """Return the result of refinement in the whole tube, from a motion in a narrower tube."""
-    refinement = Refinement(problem, start, (), entered(start.grid.interval_count, clock))
-    return certified_refinement(problem, refinement, refinement.run_on, clock)
+    refinement = Refinement(problem, start, None, entered(start.grid.interval_count, clock))
+    return certified_refinement(problem, refinement, clock)

@@ -127,12 +127,10 @@ def periodic_plan(
     count = max(fewest_periods(shortest.duration, period), phases, _MIN_PERIODS)
     for _ in range(_MAX_TRIES):
         start = on_periodic_knots(spline, count)
-        refinement = Refinement(inner, start, (), entered(start.grid.interval_count, clock))
+        refinement = Refinement(inner, start, None, entered(start.grid.interval_count, clock))
         in_periods = partial(lengthened, duration=count * period, period=period)
         try:
-            result = certified_motion(
-                problem, refinement, refinement.run_on, clock, timed=in_periods
-            )
+            result = certified_motion(problem, refinement, clock, timed=in_periods)
         except Infeasible:
             result = None
         if result is None or result.duration is None:
@@ -215,7 +213,7 @@ def _certified(
     try:
         stage = SecondStage(shortest.motion.problem, spline, longest, free, checkpoint)
         timed = partial(lengthened, duration=longest, period=problem.period)
-        return certified_motion(problem, stage, stage.run, clock, timed=timed)
+        return certified_motion(problem, stage, clock, timed=timed)
     except Infeasible:
         return None
 

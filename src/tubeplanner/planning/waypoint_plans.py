@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.refusal import require_free
 from tubeplanner.first_guess.branch_and_bound import BranchAndBound
 from tubeplanner.first_guess.branches import (
     KnownBranches,
@@ -132,17 +133,20 @@ def stopping_plan(
 
 
 def searched_plan(
-    problem: PlanningProblem,
-    branch: ReferenceBranch,
-    corners: StoppingPlan,
-    options: PlanOptions,
-    clock: PlanningClock,
+    problem: PlanningProblem, corners: StoppingPlan, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
-    """Return the result of branch and bound, if faster than stops at corners.
+    """Return the result of branch and bound along a branch, if faster than stops at corners.
 
     Stops at corners bound the search even if their certificate failed: without a bound it takes
-    very long.
+    very long. Nothing is searched without a branch that moves to a free goal.
     """
+    branch = corners.branch
+    if corners.result.stopped_by is not None or branch is None or not branch.moving_segments:
+        return corners.result
+    try:
+        require_free(problem, "goal", branch.goal)
+    except Infeasible:  # all trajectories of the search would end there
+        return corners.result
 
     def prepared() -> BranchAndBound:
         clock.enter("candidate points on the reference path")
