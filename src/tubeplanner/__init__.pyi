@@ -33,7 +33,7 @@ from .robot.pinocchio_model import Payload as Payload
 from .robot.overrides import LimitOverrides as LimitOverrides
 from .robot.overrides import MotorOverrides as MotorOverrides
 from .robot.overrides import PointSpeed as PointSpeed
-from .robot.limit_layers import LimitLayer as LimitLayer  # returned
+from .robot.joint_limits import LimitLayer as LimitLayer  # returned
 from .task.side_files import read_preset as read_preset
 from .task.side_files import read_robustness as read_robustness
 from .task.side_files import read_limits_file as read_limits_file

@@ -20,8 +20,8 @@ from tubeplanner import JointTrajectory, Tolerance, verify
 from tubeplanner.certificate.effort_conditions import friction_jumps
 from tubeplanner.certificate.judged_motion import JudgedMotion
 from tubeplanner.certificate.verification import JUDGED
+from tubeplanner.robot.joint_limits import EffortRange
 from tubeplanner.robot.model import effort_rate
-from tubeplanner.robot.overrides import EffortRange
 
 # Efforts with friction at dense samples of random motions, written out.
 

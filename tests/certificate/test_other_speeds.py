@@ -15,8 +15,8 @@ from tubeplanner.certificate.other_speeds import (
     tightest_slower_run,
     worst_braking,
 )
+from tubeplanner.robot.joint_limits import EffortRange
 from tubeplanner.robot.model import effort_rate
-from tubeplanner.robot.overrides import EffortRange
 from tubeplanner.trajectory.joint_trajectory import concatenate
 
 MASS, LENGTH, DURATION = 2.0, 0.6, 1.0  # of the cart and its move [kg], [m], [s]

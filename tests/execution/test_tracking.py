@@ -7,7 +7,7 @@ from cases import INERTIA, SLIDE, one_joint, quintic, rest_to_rest, with_motors
 from tubeplanner import JointTrajectory, LimitOverrides, OptionError, load_robot
 from tubeplanner.execution.plants import Draw, drawn_plants
 from tubeplanner.execution.tracking import Drives, Feedback, controller_maker, planned_motion
-from tubeplanner.robot.overrides import EffortRange
+from tubeplanner.robot.joint_limits import EffortRange
 from tubeplanner.task.demands import CONTROLLERS, PD, Robustness
 
 PERIOD = 0.001

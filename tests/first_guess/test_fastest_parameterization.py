@@ -12,7 +12,7 @@ from tubeplanner.first_guess.fastest_parameterization import (
 )
 from tubeplanner.limits.speed_limits import speed_limits
 from tubeplanner.outcome import Infeasible
-from tubeplanner.robot.overrides import EffortRange
+from tubeplanner.robot.joint_limits import EffortRange
 from tubeplanner.studies.comparison import smoothness_class
 
 STRAIGHT = JointTrajectory(["turn"], [0, ANGLE], [[[1.0]], [[0.0]]])

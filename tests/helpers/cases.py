@@ -34,8 +34,8 @@ from tubeplanner.optimizer.spline_constraints import SplineConstraints
 from tubeplanner.optimizer.starts import starting_spline
 from tubeplanner.outcome import Location
 from tubeplanner.planning.tightening import Survival, Tightening
+from tubeplanner.robot.joint_limits import EffortRange
 from tubeplanner.robot.motors import JointMotors
-from tubeplanner.robot.overrides import EffortRange
 from tubeplanner.studies.sweeps import FieldSweep
 from tubeplanner.task.demands import Robustness
 from tubeplanner.trajectory.joint_trajectory import concatenate

@@ -17,7 +17,7 @@ from tubeplanner.limits.joint_efforts import (
 from tubeplanner.limits.path_samples import PathSamples
 from tubeplanner.limits.speed_limits import speed_limits
 from tubeplanner.outcome import Infeasible, PlanStatus
-from tubeplanner.robot.overrides import EffortRange
+from tubeplanner.robot.joint_limits import EffortRange
 
 SPEED, LEVEL = 1.7, np.zeros(1)
 LEVER, GRAVITY = 0.5, 9.81

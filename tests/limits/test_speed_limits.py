@@ -19,7 +19,7 @@ from tubeplanner.limits.path_samples import PathSamples
 from tubeplanner.limits.rates import PointSpeedLimit, ToolSpeed, speed_by_path
 from tubeplanner.limits.speed_limits import limit_uses, unused_speed
 from tubeplanner.limits.time_scaling import scaled_to_limits, scaling_factor
-from tubeplanner.robot.overrides import EffortRange
+from tubeplanner.robot.joint_limits import EffortRange
 
 
 @pytest.mark.parametrize(

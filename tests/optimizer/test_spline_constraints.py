@@ -23,7 +23,7 @@ from tubeplanner.optimizer.segment_runs import OrderedSegments
 from tubeplanner.optimizer.spline_constraints import BLENDED, WIDELY_BLENDED
 from tubeplanner.optimizer.stages import SecondStage
 from tubeplanner.optimizer.starts import knot_grid
-from tubeplanner.robot.overrides import EffortRange
+from tubeplanner.robot.joint_limits import EffortRange
 from tubeplanner.trajectory.joint_trajectory import from_spline
 from tubeplanner.trajectory.parts import common_intervals
 

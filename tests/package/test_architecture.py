@@ -35,7 +35,7 @@ KNOWS = {
     "ompl": {"studies"},
     "distributed": {"studies"},
     "xacro": {"robot"},
-    "pydantic": {"task", "studies"},
+    "pydantic": {"fields.py", "robot", "task", "studies"},
 }
 
 

@@ -5,7 +5,8 @@ import pytest
 from cases import SLIDE, refusal
 
 from tubeplanner import LimitOverrides, MotorOverrides, RobotError, read_limits_file, read_preset
-from tubeplanner.robot.info import likely_tool_frame, robot_info
+from tubeplanner.robot.info import robot_info
+from tubeplanner.robot.loader import likely_tool_frame
 from tubeplanner.robot.urdf import read_urdf
 from tubeplanner.studies.tubes.starter_problem import typical_configurations
 

@@ -5,7 +5,7 @@ import pytest
 from cases import refusal
 
 from tubeplanner import Contact, Obstacle, PlanningProblem, ProblemError, Tube, placement_of
-from tubeplanner.task.fields import (
+from tubeplanner.task.problem_format import (
     ClearanceFields,
     ContactFields,
     clearances_of,

@@ -186,7 +186,7 @@ def test_enlarged_all_errors_are_larger_and_control_and_its_stops_are_as_they_we
     errors = Robustness(mass=0.7, **control)
     enlarged = errors.enlarged(1.5)
     assert enlarged.mass == 0.9
-    for name in ERRORS[1:]:
+    for name in list(ERRORS)[1:]:
         assert getattr(enlarged, name) == pytest.approx(1.5 * getattr(errors, name)), name
     assert {name: getattr(enlarged, name) for name in control} == control
 

@@ -23,7 +23,7 @@ from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
 from tubeplanner.output.figures.robot_figure import plot_robot
 from tubeplanner.resources import EXAMPLE_PREFIX
 from tubeplanner.robot.info import (
-    LIMITS,
+    INFO_LIMITS,
     JointInfo,
     LinkInfo,
     OtherJoint,
@@ -197,7 +197,7 @@ def _limit(limit: SourcedValue) -> str:
 def _source_lines(joints: Sequence[JointInfo]) -> list[str]:
     """Return the sources of the limits, a line for each quantity."""
     lines = []
-    for quantity in LIMITS:
+    for quantity in INFO_LIMITS:
         by_source: dict[str, list[str]] = defaultdict(list)
         for joint in joints:
             by_source[joint.limits[quantity].source].append(joint.name)

@@ -1,7 +1,7 @@
 """RobotInfo: links, joints, candidate tool frames, each limit with its source, missing limits."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -9,103 +9,31 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from tubeplanner.checks import checked_path
 from tubeplanner.errors import RobotError
-from tubeplanner.resources import GivenPackageDirs, PackageDirs, find_mesh
-from tubeplanner.robot.joint_limits import JointLimits, resolve_limits
-from tubeplanner.robot.limit_layers import (
-    GivenLimits,
+from tubeplanner.resources import PackageDirs, find_mesh
+from tubeplanner.robot.joint_limits import (
+    LIMITS,
+    JointLimits,
     LimitLayer,
-    MergedLimits,
+    MergedValues,
     chain_order,
-    layers_of,
     merged_limits,
-    merged_motors,
+    merged_scale,
+    resolve_limits,
 )
-from tubeplanner.robot.loader import EARTH_GRAVITY, package_folders, read_description
+from tubeplanner.robot.loader import DescribedArm, described_arm, leaf_links
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.robot.motors import resolve_motors
+from tubeplanner.robot.motors import merged_motors, resolve_motors
 from tubeplanner.robot.notes import robot_notes
-from tubeplanner.robot.overrides import CURVE, LimitOverrides, MotorOverrides
-from tubeplanner.robot.pinocchio_model import (
-    BasePose,
-    Payload,
-    ToolOffset,
-    locked_value,
-    planning_group,
-)
+from tubeplanner.robot.overrides import CURVE, QUANTITIES, LimitOverrides
+from tubeplanner.robot.pinocchio_model import locked_value
 from tubeplanner.robot.urdf import (
-    MOVABLE_TYPES,
     STANDING_TYPES,
     UrdfDescription,
     UrdfJoint,
     followers_of,
 )
 from tubeplanner.robot.urdf_elements import read_child, read_numbers
-
-# ---- The links that a tool may be fixed to, and the likeliest of them.
-
-
-def leaf_links(description: UrdfDescription) -> tuple[str, ...]:
-    """Return the links that carry no other link, in the order of the file."""
-    parents = {joint.parent for joint in description.joints.values()}
-    return tuple(link for link in description.links if link not in parents)
-
-
-def likely_tool_frame(description: UrdfDescription) -> str:
-    """Return the link where the longest chain of movable joints ends, above its fingers.
-
-    Fingers are the branches of a link where the chain parts, if they have fewer joints than the
-    chain up to there. Of the links fixed to the end, the last of the longest row is returned; of
-    rows of equal length, a link that is only a frame: no collision geometry, no inertia.
-
-    Raises:
-        RobotError: No joint can move.
-    """
-    leaves = leaf_links(description)
-    longest = max(leaves, key=lambda link: len(description.chain(link)))
-    if not description.chain(longest):
-        raise RobotError(f"{description.path}: no joint can move; there is nothing to plan")
-    # The link nearest the root, on the chain, where fingers part.
-    by_child = {joint.child: joint for joint in description.joints.values()}
-    below, link, end = 0, longest, longest
-    total = len(description.chain(longest))
-    while link in by_child:
-        joint = by_child[link]
-        below += joint.type in MOVABLE_TYPES
-        link = joint.parent
-        branches = [own for own in _children(description, link) if _moves(description, own)]
-        if len(branches) > 1 and 0 < below < total - below:
-            end = link
-    depths = dict(_fixed_links(description, end, 0))
-    max_depth = max(depths.values())
-    deepest = [link for link, depth in depths.items() if depth == max_depth]
-    for link in deepest:
-        element = description.link_element(link)
-        if element.find("collision") is None and element.find("inertial") is None:
-            return link
-    return deepest[0]
-
-
-def _children(description: UrdfDescription, link: str) -> list[str]:
-    return [joint.name for joint in description.joints.values() if joint.parent == link]
-
-
-def _moves(description: UrdfDescription, joint: str) -> bool:
-    """Return True if a joint can move, or any joint below."""
-    own = description.joints[joint]
-    below = _children(description, own.child)
-    return own.type in MOVABLE_TYPES or any(_moves(description, name) for name in below)
-
-
-def _fixed_links(description: UrdfDescription, link: str, depth: int) -> Iterator[tuple[str, int]]:
-    """Yield a link and the links fixed to it, each with its number of joints below the link."""
-    yield link, depth
-    for name in _children(description, link):
-        joint = description.joints[name]
-        if joint.type not in MOVABLE_TYPES:
-            yield from _fixed_links(description, joint.child, depth + 1)
-
 
 # ---- The links of a URDF: mass and kinds of geometry.
 
@@ -157,8 +85,8 @@ def _kinds(link: Element, tag: str) -> dict[str, int]:
 # no limit.
 
 NOWHERE, URDF = "none", "URDF"
-LIMITS = ("position", "velocity", "effort", "acceleration", "jerk", "effort_rate")
-_REQUIRED = ("velocity", "effort")
+INFO_LIMITS = ("position", *LIMITS)
+_OF_URDF = [name for name in LIMITS if QUANTITIES[name].in_urdf != "never"]
 _STAND_IN_RANGE = {"prismatic": (-1.0, 1.0), "revolute": (-np.pi, np.pi)}
 _STAND_IN_RATE = 1e9  # an acceleration: `resolve_limits` refuses a joint of unbounded speed
 
@@ -191,7 +119,7 @@ class JointInfo:
         type: As in the URDF.
         parent: The link that carries it.
         child: The link that it moves.
-        limits: By quantity, those of `LIMITS`.
+        limits: By quantity, those of `INFO_LIMITS`.
         motor: By quantity, the values of the motor that have a source.
     """
 
@@ -203,47 +131,38 @@ class JointInfo:
     motor: Mapping[str, SourcedValue]
 
 
-def joint_infos(
-    description: UrdfDescription, group: Sequence[str], layers: Sequence[LimitLayer]
-) -> tuple[tuple[JointInfo, ...], JointLimits]:
+def joint_infos(arm: DescribedArm) -> tuple[tuple[JointInfo, ...], JointLimits]:
     """Return the planned joints in chain order, and their limits with stand-ins.
-
-    Args:
-        description: The robot.
-        group: Its planning group.
-        layers: Limits and motors, the later ones above.
 
     Raises:
         RobotError: A layer is wrong, for example names an unknown joint.
     """
+    description, group = arm.description, arm.group
     # Limits for the gaps of a URDF, below all layers.
     joints = [description.joints[name] for name in group]
-    endless: dict[str, dict[str, float]] = {
+    gaps: dict[str, Any] = {
         quantity: {j.name: np.inf for j in joints if not 0 < (getattr(j, quantity) or 0.0) < np.inf}
-        for quantity in (*_REQUIRED, "acceleration", "jerk")
+        for quantity in _OF_URDF
     }
-    ranges = {}
+    gaps["acceleration"] = dict.fromkeys(gaps["acceleration"], _STAND_IN_RATE)
+    gaps["position"] = {}
     for joint in joints:
         is_endless = not np.isfinite([joint.lower, joint.upper]).all()
         if not joint.lower < joint.upper or (joint.type == "prismatic" and is_endless):
-            ranges[joint.name] = _STAND_IN_RANGE[joint.type]
-    rates = dict.fromkeys(endless["acceleration"], _STAND_IN_RATE)
-    overrides = LimitOverrides(
-        endless["effort"], endless["velocity"], ranges, rates, jerk=endless["jerk"]
-    )
-    all_layers = [LimitLayer("stand-in ", overrides, source=NOWHERE), *layers]
-    limits = resolve_limits(description, group, all_layers)
-    merged = merged_limits(description, group, followers_of(description, group), all_layers)
-    motors = _motors(description, group, layers)
+            gaps["position"][joint.name] = _STAND_IN_RANGE[joint.type]
+    layers = [LimitLayer("stand-in ", LimitOverrides(**gaps), source=NOWHERE), *arm.layers]
+    limits = resolve_limits(description, group, layers)
+    merged = merged_limits(description, group, layers)
+    motors = _motors(arm)
     infos = []
     for name in chain_order(description, group):
-        joint, column = description.joints[name], list(group).index(name)
-        values: dict[str, tuple[float, float] | float] = {
+        joint, column = description.joints[name], group.index(name)
+        values: dict[str, Any] = {
             "position": (float(limits.lower_position[column]), float(limits.upper_position[column]))
         }
-        values |= {quantity: float(getattr(limits, quantity)[column]) for quantity in LIMITS[1:]}
+        values |= {quantity: float(getattr(limits, quantity)[column]) for quantity in LIMITS}
         sourced = {
-            quantity: _sourced(description, joint, quantity, value, merged)
+            quantity: _sourced(arm, joint, quantity, value, merged)
             for quantity, value in values.items()
         }
         infos.append(JointInfo(name, joint.type, joint.parent, joint.child, sourced, motors[name]))
@@ -251,47 +170,38 @@ def joint_infos(
 
 
 def _sourced(
-    description: UrdfDescription,
-    joint: UrdfJoint,
-    quantity: str,
-    value: tuple[float, float] | float,
-    merged: MergedLimits,
+    arm: DescribedArm, joint: UrdfJoint, quantity: str, value: Any, merged: MergedValues
 ) -> SourcedValue:
-    """Return the limit of a joint with its source."""
-    is_of_urdf = quantity == "position" or getattr(joint, quantity, None) is not None
-    default = URDF if is_of_urdf or quantity in _REQUIRED else NOWHERE
+    """Return the limit of a joint, a number or (lower, upper), with its source."""
+    is_of_urdf = quantity == "position" or QUANTITIES[quantity].in_urdf == "required"
+    default = URDF if is_of_urdf or getattr(joint, quantity, None) is not None else NOWHERE
     source = merged.sources[quantity].get(joint.name, default)
-    factor = merged.scale.get(quantity, 1.0)
+    factor = merged_scale(arm.layers).get(quantity, 1.0)
     own = merged.by_joint[quantity].get(joint.name)
     if own is None and default == URDF:
         own = (joint.lower, joint.upper) if quantity == "position" else getattr(joint, quantity)
-    if isinstance(own, Sequence | Mapping) and quantity == "effort":
-        source = f"{source}, most of a range"
-    elif _is_tighter(value, own, factor):
-        names = [n for n, rule in followers_of(description, [joint.name]).items()]
-        return SourcedValue(value, f"follower {' or '.join(names)}")
+    if own is None:
+        is_tighter = bool(np.isfinite(value).all())
+    elif isinstance(value, tuple):
+        is_tighter = value[0] > own[0] or value[1] < own[1]
+    elif isinstance(own, Sequence | Mapping):
+        source, is_tighter = f"{source}, most of a range", False
+    else:
+        is_tighter = value < float(own) * factor * (1 - 1e-12)
+    if is_tighter:
+        followers = followers_of(arm.description, [joint.name])
+        return SourcedValue(value, f"follower {' or '.join(followers)}")
     if source == NOWHERE or not np.isfinite(value).all():
         return SourcedValue(None, source)
     return SourcedValue(value, source if factor == 1.0 else f"{source} x {factor:g}")
 
 
-def _is_tighter(value: tuple[float, float] | float, own: Any, factor: float) -> bool:
-    """Return True if the limit of a joint is tighter than its own value, by a follower."""
-    if own is None:
-        return bool(np.isfinite(value).all())
-    if isinstance(value, tuple):
-        return bool(value[0] > own[0] or value[1] < own[1])
-    return bool(value < float(own) * factor * (1 - 1e-12))
-
-
-def _motors(
-    description: UrdfDescription, group: Sequence[str], layers: Sequence[LimitLayer]
-) -> dict[str, dict[str, SourcedValue]]:
+def _motors(arm: DescribedArm) -> dict[str, dict[str, SourcedValue]]:
     """Return the values of motors that have a source, by joint and quantity."""
-    motors = resolve_motors(description, group, layers)
-    merged = merged_motors(description, group, followers_of(description, group), layers)
-    values: dict[str, dict[str, SourcedValue]] = {name: {} for name in group}
-    for column, name in enumerate(group):
+    motors = resolve_motors(arm.description, arm.group, arm.layers)
+    merged = merged_motors(arm.description, arm.group, arm.layers)
+    values: dict[str, dict[str, SourcedValue]] = {name: {} for name in arm.group}
+    for column, name in enumerate(arm.group):
         for quantity, sources in merged.sources.items():
             value: tuple[float, float] | float
             if quantity == "coulomb_friction":
@@ -309,13 +219,6 @@ def _motors(
 
 
 # ---- A robot, and the values that it lacks for planning.
-
-_UNITS = {
-    "velocity": "rad/s or m/s",
-    "effort": "N m or N",
-    "acceleration": "rad/s^2 or m/s^2",
-    "jerk": "rad/s^3 or m/s^3",
-}
 
 
 @dataclass(frozen=True)
@@ -392,23 +295,10 @@ class RobotInfo:
         return {"urdf": str(self.path), **values, **placed, **listed}
 
 
-def robot_info(
-    urdf: str | Path,
-    tool_frame: str | None = None,
-    *,
-    joints: Sequence[str] | None = None,
-    locked_joints: Mapping[str, float] | None = None,
-    tool_offset: ToolOffset | None = None,
-    base: BasePose | None = None,
-    gravity: Sequence[float] = EARTH_GRAVITY,
-    payload: Payload | None = None,
-    limits: GivenLimits | None = None,
-    motors: MotorOverrides | None = None,
-    package_dirs: GivenPackageDirs = (),
-    xacro_args: Mapping[str, object] | None = None,
-    srdf: str | Path | None = None,
-    directory: str | Path = ".",
-) -> RobotInfo:
+_OF_MODEL = ("locked_joints", "tool_offset", "base", "gravity", "payload")
+
+
+def robot_info(urdf: str | Path, tool_frame: str | None = None, **settings: Any) -> RobotInfo:
     """Return the contents and gaps of a robot; missing limits and masses are no errors.
 
     Args as for `load_robot`; without a tool frame, `likely_tool_frame` selects one.
@@ -416,49 +306,32 @@ def robot_info(
     Raises:
         RobotError: The URDF is malformed, no joint can move, or an argument does not fit the robot.
     """
-    directory = checked_path("directory", directory)
-    folders = package_folders(package_dirs, directory)
-    description = read_description(urdf, srdf, xacro_args, folders, directory)
-    frame = likely_tool_frame(description) if tool_frame is None else tool_frame
-    group = planning_group(description, frame, joints)
-    layers = layers_of(limits or ())
-    if motors is not None:
-        layers = [*layers, LimitLayer("robot.", LimitOverrides(), motors=motors)]
-    infos, resolved = joint_infos(description, group, layers)
-    endless = np.full(len(resolved.effort), np.inf)
-    locked = dict(locked_joints or {})
-    arm = RobotModel(
-        description,
-        tuple(group),
-        frame,
-        tool_offset or ToolOffset(),
-        # Without effort limits the arm needs no masses.
-        replace(resolved, effort=endless, effort_rate=endless, effort_ranges=()),
-        folders,
-        locked,
-        tuple(gravity),
-        payload,
-        base=base,
-    )
+    of_model = {name: settings.pop(name) for name in _OF_MODEL if name in settings}
+    described = described_arm(urdf, tool_frame, **settings)
+    description, group = described.description, described.group
+    infos, resolved = joint_infos(described)
+    endless = np.full(len(group), np.inf)
+    # Without effort limits the arm needs no masses.
+    unlimited = replace(resolved, effort=endless, effort_rate=endless, effort_ranges=())
+    arm = described.model(unlimited, None, **of_model)
     links = link_infos(description)
     # An acceleration without a source is a stand-in.
     limited = {joint.name: not joint.limits["acceleration"].is_missing for joint in infos}
-    is_limited = [limited[name] for name in group]
-    acceleration = np.where(is_limited, resolved.acceleration, np.inf)
-    motors_of_arm = resolve_motors(description, group, layers)
-    noted = arm.with_limits(replace(resolved, acceleration=acceleration), motors_of_arm)
+    acceleration = np.where([limited[name] for name in group], resolved.acceleration, np.inf)
+    motors = resolve_motors(description, group, described.layers)
+    noted = arm.with_limits(replace(resolved, acceleration=acceleration), motors)
     return RobotInfo(
         path=description.path,
         name=description.name,
-        tool_frame=frame,
+        tool_frame=described.tool_frame,
         tool_frame_is_given=tool_frame is not None,
         joints=infos,
-        other_joints=_other_joints(description, group, locked),
+        other_joints=_other_joints(description, group, arm.locked_joints),
         links=links,
         missing=(
             *_missing_limits(description, infos),
             *_missing_masses(arm, infos),
-            *_missing_geometry(description, links, folders),
+            *_missing_geometry(description, links, described.folders),
         ),
         notes=robot_notes(noted),
         arm=arm,
@@ -491,11 +364,11 @@ def _other_joints(
 def _missing_limits(description: UrdfDescription, joints: Sequence[JointInfo]) -> list[str]:
     """Return a sentence for each quantity without a limit: joints, field of the problem, unit."""
     sentences = []
-    for quantity, unit in _UNITS.items():
-        named = []
+    for quantity in _OF_URDF:
+        unit, named = " or ".join(QUANTITIES[quantity].units), []
         for joint in joints:
             value = getattr(description.joints[joint.name], quantity)
-            is_needed = quantity in _REQUIRED or value is not None
+            is_needed = QUANTITIES[quantity].in_urdf == "required" or value is not None
             if is_needed and joint.limits[quantity].is_missing:
                 stated = "none" if value is None else f"{value:g}"
                 named.append(f"{joint.name} (the URDF has {stated})")

@@ -1,6 +1,6 @@
-"""JointLimits: limits of the planned joints, of the URDF, replaced and scaled by the problem."""
+"""JointLimits: limits of the planned joints, of the URDF, replaced and scaled by layers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -8,19 +8,214 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.checks import in_figures, is_number
-from tubeplanner.errors import RobotError, shown, unknown_name
-from tubeplanner.robot.limit_layers import GivenLimits, layers_of, merged_limits
-from tubeplanner.robot.overrides import SCALABLE, EffortRange, PointSpeed, effort_range
+from tubeplanner.errors import FormerName, RobotError, shown, unknown_name
+from tubeplanner.robot.overrides import (
+    FOLLOWED,
+    PER_JOINT,
+    QUANTITIES,
+    SCALABLE,
+    JointQuantity,
+    LimitOverrides,
+    MotorOverrides,
+    PointSpeed,
+)
 from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint, followers_of
 from tubeplanner.text import short_repr
 
-_OPTIONAL = ("acceleration", "jerk")  # limits that a URDF need not have
+# ---- Layers of limits and motors from several sources: the last value holds, its source is kept.
+
+
+@dataclass(frozen=True)
+class LimitLayer:
+    """Limits and motors from a file.
+
+    Attributes:
+        label: Label in messages before "limits" and "motors", such as "preset fr3: ".
+        limits: The limits.
+        joint_count: Number of joints of the arms that the layer is for; None: any.
+        skips_others: True if limits of joints that are not planned are allowed, and ignored.
+        notes: Parts of the file that were not used.
+        motors: The motors.
+        source: Label in `info`, such as "preset fr3".
+    """
+
+    label: str
+    limits: LimitOverrides
+    joint_count: int | None = None
+    skips_others: bool = False
+    notes: tuple[str, ...] = ()
+    motors: MotorOverrides = field(default_factory=MotorOverrides)
+    source: str = "problem file"
+
+    __repr__ = short_repr
+
+    called = FormerName("label")
+
+
+@dataclass(frozen=True)
+class MergedValues:
+    """The values per joint of all layers.
+
+    Attributes:
+        by_joint: Values by quantity and joint name.
+        sources: The source of each value, by quantity and joint name.
+    """
+
+    by_joint: dict[str, dict[str, Any]]
+    sources: dict[str, dict[str, str]]
+
+
+_Layer: TypeAlias = LimitOverrides | LimitLayer
+GivenLimits: TypeAlias = _Layer | Sequence[_Layer]
+
+
+def layers_of(value: GivenLimits) -> list[LimitLayer]:
+    """Return limits as a list of layers, later layers above.
+
+    Raises:
+        RobotError: An entry is neither LimitOverrides nor a LimitLayer.
+    """
+    entries: Sequence[Any] = value if isinstance(value, list | tuple) else [value]
+    layers = []
+    for entry in entries:
+        if not isinstance(entry, LimitOverrides | LimitLayer):
+            raise RobotError(f"limits are {shown(entry)}; give LimitOverrides or a LimitLayer")
+        layers.append(entry if isinstance(entry, LimitLayer) else LimitLayer("robot.", entry))
+    return layers
+
+
+def uppermost(values: Iterable[Any], default: Any) -> Any:
+    """Return the last value of layers that is not None, or a default."""
+    return next((each for each in list(values)[::-1] if each is not None), default)
+
+
+def merged_scale(layers: Sequence[LimitLayer]) -> dict[str, float]:
+    """Return the commissioning factors of layers, by quantity."""
+    return {name: factor for layer in layers for name, factor in layer.limits.scale.items()}
+
+
+def merged_limits(
+    description: UrdfDescription, joint_names: Sequence[str], layers: Sequence[LimitLayer]
+) -> MergedValues:
+    """Merge the limits of layers for the joints of a planning group.
+
+    Raises:
+        RobotError: A layer is for another number of joints, has another number of values, or names
+            an unknown joint or link.
+    """
+    chain = chain_order(description, joint_names)
+    followers = followers_of(description, joint_names)
+    merged = MergedValues({name: {} for name in PER_JOINT}, {name: {} for name in PER_JOINT})
+    for layer in layers:
+        if layer.joint_count not in (None, len(chain)):
+            raise RobotError(
+                f"{layer.label}limits and motors are for {layer.joint_count} joints; the planning "
+                f"group has {len(chain)}: {', '.join(chain)}"
+            )
+        for point in layer.limits.point_speed:
+            if point.link not in description.links:
+                message = unknown_name("link", point.link, description.links)
+                raise RobotError(f"{layer.label}limits.point_speed: {message}")
+        maps = [getattr(layer.limits, each) for each in PER_JOINT] if layer.skips_others else []
+        named = {name for values in maps if isinstance(values, Mapping) for name in values}
+        joints = [*joint_names, *followers]
+        if named and named.isdisjoint(joints):
+            raise RobotError(
+                f"{layer.label}limits name no joint of the planning group, which has: "
+                f"{', '.join(joints)}; they name {', '.join(sorted(named))}"
+            )
+        for quantity in PER_JOINT:
+            where = f"{layer.label}limits.{quantity}"
+            values = layer.limits.by_name(quantity, chain, where)
+            if not layer.skips_others:
+                is_followed = quantity in (*FOLLOWED, "position")
+                require_known(where, values, joints if is_followed else joint_names)
+            merged.by_joint[quantity] |= values
+            merged.sources[quantity] |= dict.fromkeys(values, layer.source)
+    return merged
+
+
+def chain_order(description: UrdfDescription, joint_names: Sequence[str]) -> list[str]:
+    """Return joints in chain order: by the number of movable joints from the root to each."""
+    joints = description.joints
+    return sorted(joint_names, key=lambda name: len(description.chain(joints[name].child)))
+
+
+def require_known(where: str, values: Mapping[str, Any], known: Sequence[str]) -> None:
+    """Raise RobotError if values, with a label, are of an unknown joint."""
+    for name in values:
+        if name not in known:
+            raise RobotError(f"{where}: {unknown_name('joint', name, known)}")
+
+
+# ---- Limits of the planned joints, of the URDF where no layer has others.
+
 _LAW_KEYS = ("deceleration", "offset", "lower", "upper")
 # Decelerations that make sense [rad/s^2 or m/s^2].
 _MIN_DECELERATION, _MAX_DECELERATION = 1e-6, 1e9
 
 # Limits of the problem, by quantity and joint name.
 _Overrides: TypeAlias = Mapping[str, Mapping[str, Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class EffortRange:
+    """Effort limits of a joint in both directions: linear between positions, constant beyond.
+
+    Attributes:
+        joint: Index of the joint in the group.
+        position: Increasing, shape (K,) [rad or m].
+        backwards: Limit against the joint's direction at these positions, > 0, shape (K,)
+            [N m or N].
+        forwards: Limit along the joint's direction, > 0, shape (K,) [N m or N].
+    """
+
+    joint: int
+    position: FloatArray
+    backwards: FloatArray
+    forwards: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("position", "backwards", "forwards"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @classmethod
+    def of(cls, joint: int, limit: Any) -> "EffortRange":
+        """Return the limits of a joint as in `LimitOverrides`: [backwards, forwards], or a map."""
+        if isinstance(limit, Mapping):
+            return cls(joint, limit["position"], limit["effort"], limit["effort"])
+        backwards, forwards = limit
+        return cls(joint, np.zeros(1), np.array([backwards]), np.array([forwards]))
+
+    @property
+    def most(self) -> float:
+        """Largest limit at any position and in either direction [N m or N]."""
+        return float(max(self.backwards.max(), self.forwards.max()))
+
+    @property
+    def is_constant(self) -> bool:
+        """True if the limit is the same at every position and in both directions."""
+        return bool((self.backwards == self.most).all() and (self.forwards == self.most).all())
+
+    def scaled(self, factor: float) -> "EffortRange":
+        """Return the limits times a factor."""
+        return EffortRange(
+            self.joint, self.position, factor * self.backwards, factor * self.forwards
+        )
+
+    def side(self, sign: float) -> FloatArray:
+        """Return the limits along (1) or against (-1) the joint's direction, shape (K,)."""
+        return self.forwards if sign > 0 else self.backwards
+
+    def allowed(self, q: FloatArray, sign: float) -> FloatArray:
+        """Return the limits in a direction (1 or -1) at positions of the joint, shape (N,)."""
+        return np.interp(q, self.position, self.side(sign))
+
+    def slope(self, q: FloatArray, sign: float) -> FloatArray:
+        """Return the derivatives of `allowed`, shape (N,); at a corner, the right derivative."""
+        slopes = np.diff(self.side(sign)) / np.diff(self.position)
+        between = np.concatenate([[0.0], slopes, [0.0]])
+        return between[np.searchsorted(self.position, q, side="right")]
 
 
 @dataclass(frozen=True)
@@ -43,6 +238,43 @@ class VelocityByPosition:
     offset: float
     lower: float
     upper: float
+
+    @classmethod
+    def of(cls, where: str, joint: int, law: Any, range_: FloatArray) -> "VelocityByPosition":
+        """Return the law of a joint as in `LimitOverrides`.
+
+        Args:
+            where: Label in messages.
+            joint: Index of the joint in the group.
+            law: A map with deceleration and offset, and lower and upper where they are not the
+                position limits.
+            range_: The joint's position limits, shape (2,) [rad or m].
+
+        Raises:
+            RobotError: A key is unknown or missing, a number is out of its bounds, or there is no
+                finite lower and upper.
+        """
+        if not isinstance(law, Mapping):
+            raise RobotError(f"{where} is {shown(law)}; give a map with {', '.join(_LAW_KEYS)}")
+        for key in law:
+            if key not in _LAW_KEYS:
+                raise RobotError(f"{where}: {unknown_name('key', key, _LAW_KEYS)}")
+        values: dict[str, Any] = dict(zip(("lower", "upper"), range_, strict=True))
+        values |= {key: value for key, value in law.items() if value is not None}
+        for key, least in (("deceleration", _MIN_DECELERATION), ("offset", 0.0)):
+            value: Any = values.get(key)
+            if not is_number(value) or not least <= value <= _MAX_DECELERATION:
+                raise RobotError(
+                    f"{where}.{key} is {in_figures(value)}; give a number from {least:g} to "
+                    f"{_MAX_DECELERATION:g}"
+                )
+        lower, upper = values["lower"], values["upper"]
+        if not all(is_number(end) and np.isfinite(end) for end in (lower, upper)) or lower >= upper:
+            raise RobotError(
+                f"{where} has lower {in_figures(lower)} and upper {in_figures(upper)}; give finite "
+                "ones, lower below upper"
+            )
+        return cls(joint, **{key: float(values[key]) for key in _LAW_KEYS})
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +332,9 @@ class JointLimits:
         return np.clip(q, self.lower_position, self.upper_position)
 
 
+LIMITS = tuple(name for name in JointLimits.__dataclass_fields__ if name in QUANTITIES)
+
+
 def resolve_limits(
     description: UrdfDescription, joint_names: Sequence[str], limits: GivenLimits
 ) -> JointLimits:
@@ -115,63 +350,62 @@ def resolve_limits(
             names a joint that is neither in the group nor a follower, or an unknown link, or has
             not one value per joint.
     """
-    followers = followers_of(description, joint_names)
-    merged = merged_limits(description, joint_names, followers, layers_of(limits))
-    effort_limits = merged.by_joint["effort"]
+    layers, names = layers_of(limits), list(joint_names)
+    merged, scale = merged_limits(description, names, layers), merged_scale(layers)
+    user_efforts = merged.by_joint["effort"]
     effort_ranges = [
-        effort_range(column, effort_limits[name])
-        for column, name in enumerate(joint_names)
-        if name in effort_limits and not is_number(effort_limits[name])
+        EffortRange.of(column, user_efforts[name])
+        for column, name in enumerate(names)
+        if name in user_efforts and not is_number(user_efforts[name])
     ]
-    largest = {joint_names[each.joint]: each.most for each in effort_ranges}
-    overrides = {**merged.by_joint, "effort": {**effort_limits, **largest}}
-    joints = [description.joints[name] for name in joint_names]
+    largest = {names[each.joint]: each.most for each in effort_ranges}
+    overrides = {**merged.by_joint, "effort": {**user_efforts, **largest}}
+    joints = [description.joints[name] for name in names]
     positions = np.array([_position(description, joint, overrides) for joint in joints])
     values = {
-        quantity: [_required(description, joint, quantity, overrides[quantity]) for joint in joints]
-        for quantity in ("effort", "velocity", *_OPTIONAL)
+        quantity: [_limit(description, joint, each, overrides[quantity]) for joint in joints]
+        for quantity, each in QUANTITIES.items()
     }
-    effort_rates = overrides["effort_rate"]
-    values["effort_rate"] = [effort_rates.get(name, np.inf) for name in joint_names]
-    for name, rule in followers.items():
-        column = list(joint_names).index(rule.master)
+    for name, rule in followers_of(description, names).items():
+        column = names.index(rule.master)
         follower = description.joints[name]
         _bound_by_follower(follower, rule, overrides, positions[column])
-        for quantity in ("velocity", *_OPTIONAL):
-            bound = overrides[quantity].get(name, getattr(follower, quantity))
+        for quantity in FOLLOWED:
+            bound: Any = overrides[quantity].get(name, getattr(follower, quantity, None))
             if name in overrides[quantity] or (bound is not None and 0 < bound < np.inf):
                 bound /= abs(rule.multiplier)
                 values[quantity][column] = min(values[quantity][column], bound)
     scaled = {
-        quantity: read_only(np.array(row) * merged.scale.get(quantity, 1.0))
+        quantity: read_only(np.array(row) * scale.get(quantity, 1.0))
         for quantity, row in values.items()
     }
-    _require_bounded_speed(joint_names, scaled)
+    for column, name in enumerate(names):
+        if not np.isfinite([scaled[quantity][column] for quantity in SCALABLE]).any():
+            raise RobotError(
+                f"joint '{name}' has no finite limit among effort, velocity and acceleration, so "
+                "its speed is unbounded; give one in robot.limits"
+            )
     laws = overrides["velocity_by_position"]
+    above = [layer.limits for layer in layers]
+    tolerance = uppermost((each.velocity_tolerance for each in above), None)
     return JointLimits(
         read_only(positions[:, 0]),
         read_only(positions[:, 1]),
-        scaled["velocity"],
-        scaled["effort"],
-        scaled["acceleration"],
-        scaled["jerk"],
-        scaled["effort_rate"],
-        tool_speed=merged.tool_speed,
+        **scaled,
+        tool_speed=float(uppermost((each.tool_speed for each in above), np.inf)),
         velocity_by_position=tuple(
-            velocity_by_position(
+            VelocityByPosition.of(
                 f"robot.limits.velocity_by_position.{name}", column, laws[name], positions[column]
             )
-            for column, name in enumerate(joint_names)
+            for column, name in enumerate(names)
             if laws.get(name) is not None
         ),
-        point_speed=merged.point_speed,
+        point_speed=tuple(uppermost((each.point_speed or None for each in above), ())),
         effort_ranges=tuple(
-            each.scaled(merged.scale.get("effort", 1.0))
-            for each in effort_ranges
-            if not each.is_constant
+            each.scaled(scale.get("effort", 1.0)) for each in effort_ranges if not each.is_constant
         ),
-        notes=merged.notes,
-        velocity_tolerance=merged.velocity_tolerance,
+        notes=tuple(note for layer in layers for note in layer.notes),
+        velocity_tolerance=None if tolerance is None else float(tolerance),
         sources=merged.sources,
     )
 
@@ -195,20 +429,23 @@ def _position(
     return lower, upper
 
 
-def _required(
-    description: UrdfDescription, joint: UrdfJoint, quantity: str, override: Mapping[str, float]
+def _limit(
+    description: UrdfDescription,
+    joint: UrdfJoint,
+    quantity: JointQuantity,
+    overrides: Mapping[str, float],
 ) -> float:
     """Return a limit of a joint, the URDF's unless the problem replaces it."""
-    if joint.name in override:
-        return override[joint.name]
-    value: float | None = getattr(joint, quantity)
-    if value is None and quantity in _OPTIONAL:
+    if joint.name in overrides:
+        return overrides[joint.name]
+    value: float | None = getattr(joint, quantity.name, None)
+    if value is None and quantity.in_urdf != "required":
         return np.inf
     if value is None or not 0 < value < np.inf:
         stated = "none" if value is None else f"{value:g}"
         raise RobotError(
-            f"{description.path}: joint '{joint.name}' has {quantity} limit {stated}; "
-            f"give a positive one in robot.limits.{quantity}, or .inf if there is none"
+            f"{description.path}: joint '{joint.name}' has {quantity.name} limit {stated}; "
+            f"give a positive one in robot.limits.{quantity.name}, or .inf if there is none"
         )
     return value
 
@@ -233,52 +470,3 @@ def _bound_by_follower(
         raise RobotError(
             f"{where}, slides without end; give finite limits in robot.limits.position"
         )
-
-
-def _require_bounded_speed(joint_names: Sequence[str], limits: Mapping[str, FloatArray]) -> None:
-    bounds = np.array([limits[quantity] for quantity in SCALABLE])
-    for name, column in zip(joint_names, bounds.T, strict=True):
-        if not np.isfinite(column).any():
-            raise RobotError(
-                f"joint '{name}' has no finite limit among effort, velocity and acceleration, so "
-                "its speed is unbounded; give one in robot.limits"
-            )
-
-
-def velocity_by_position(
-    where: str, joint: int, user_value: Any, range_: FloatArray
-) -> VelocityByPosition:
-    """Return the velocity law of a joint.
-
-    Args:
-        where: Label in messages.
-        joint: Index of the joint in the group.
-        user_value: A map with deceleration and offset, and lower and upper where they are not the
-            position limits.
-        range_: The joint's position limits, shape (2,) [rad or m].
-
-    Raises:
-        RobotError: A key is unknown or missing, a number is out of its bounds, or there is no
-            finite lower and upper.
-    """
-    if not isinstance(user_value, Mapping):
-        raise RobotError(f"{where} is {shown(user_value)}; give a map with {', '.join(_LAW_KEYS)}")
-    for key in user_value:
-        if key not in _LAW_KEYS:
-            raise RobotError(f"{where}: {unknown_name('key', key, _LAW_KEYS)}")
-    values: dict[str, Any] = dict(zip(("lower", "upper"), range_, strict=True))
-    values |= {key: value for key, value in user_value.items() if value is not None}
-    for key, least in (("deceleration", _MIN_DECELERATION), ("offset", 0.0)):
-        value: Any = values.get(key)
-        if not is_number(value) or not least <= value <= _MAX_DECELERATION:
-            raise RobotError(
-                f"{where}.{key} is {in_figures(value)}; give a number from {least:g} to "
-                f"{_MAX_DECELERATION:g}"
-            )
-    lower, upper = values["lower"], values["upper"]
-    if not all(is_number(end) and np.isfinite(end) for end in (lower, upper)) or lower >= upper:
-        raise RobotError(
-            f"{where} has lower {in_figures(lower)} and upper {in_figures(upper)}; give finite "
-            "ones, lower below upper"
-        )
-    return VelocityByPosition(joint, **{key: float(values[key]) for key in _LAW_KEYS})

@@ -8,8 +8,17 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
 from tubeplanner.errors import RobotError
-from tubeplanner.robot.limit_layers import GivenLimits, layers_of, merged_motors, merged_scale
-from tubeplanner.robot.overrides import CURVE
+from tubeplanner.robot.joint_limits import (
+    GivenLimits,
+    LimitLayer,
+    MergedValues,
+    chain_order,
+    layers_of,
+    merged_scale,
+    require_known,
+    uppermost,
+)
+from tubeplanner.robot.overrides import CURVE, MOTOR_QUANTITIES
 from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint, followers_of
 from tubeplanner.text import short_repr
 
@@ -145,6 +154,36 @@ class JointMotors:
         return np.where(direction < 0, -self.backwards_friction, forwards)
 
 
+def merged_motors(
+    description: UrdfDescription, joint_names: Sequence[str], layers: Sequence[LimitLayer]
+) -> MergedValues:
+    """Merge the motors of layers for the joints of a planning group.
+
+    Raises:
+        RobotError: A layer has another number of values than there are joints, or names an unknown
+            joint, or a follower, which has no motor.
+    """
+    chain = chain_order(description, joint_names)
+    followers = followers_of(description, joint_names)
+    names = MOTOR_QUANTITIES
+    merged = MergedValues({name: {} for name in names}, {name: {} for name in names})
+    for layer in layers:
+        for quantity in names:
+            where = f"{layer.label}motors.{quantity}"
+            values = layer.motors.by_name(quantity, chain, where)
+            for name in values:
+                if name in followers:
+                    master = followers[name].master
+                    raise RobotError(
+                        f"{where}: joint '{name}' follows '{master}' and has no motor of its own; "
+                        f"give what '{master}' feels of it, or leave it out"
+                    )
+            require_known(where, values, joint_names)
+            merged.by_joint[quantity] |= values
+            merged.sources[quantity] |= dict.fromkeys(values, layer.source)
+    return merged
+
+
 def resolve_motors(
     description: UrdfDescription, joint_names: Sequence[str], limits: GivenLimits
 ) -> JointMotors:
@@ -160,14 +199,12 @@ def resolve_motors(
         RobotError: A joint has a single end of a torque-speed line, is unknown or has no motor,
             there is not one value per joint, or the URDF's friction is requested and invalid.
     """
-    layers = layers_of(limits)
-    followers = followers_of(description, joint_names)
-    merged = merged_motors(description, joint_names, followers, layers)
-    default_friction = np.zeros((2, len(joint_names)))  # viscous, Coulomb
-    if merged.friction_from_urdf:
-        default_friction[:] = urdf_friction(description, joint_names)
-    viscous, coulomb = default_friction
-    names, values = list(joint_names), merged.by_joint
+    layers, names = layers_of(limits), list(joint_names)
+    values = merged_motors(description, names, layers).by_joint
+    motors = [layer.motors for layer in layers]
+    viscous, coulomb = np.zeros((2, len(names)))
+    if uppermost((each.friction_from_urdf for each in motors), False):
+        viscous, coulomb = urdf_friction(description, names)
     both_ways = np.array([coulomb, coulomb])
     backwards, forwards = _replaced(both_ways, names, values["coulomb_friction"])
     no_line = np.full(len(names), np.inf)
@@ -187,7 +224,7 @@ def resolve_motors(
         forwards,
         stall * merged_scale(layers).get("effort", 1.0),
         no_load,
-        merged.friction_uncertainty,
+        float(uppermost((each.friction_uncertainty for each in motors), 0.0)),
     )
 
 

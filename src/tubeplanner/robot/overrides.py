@@ -1,30 +1,183 @@
-"""LimitOverrides, MotorOverrides: limits and motors of a problem, by joint."""
+"""LimitOverrides, MotorOverrides: limits and motors of a problem, by joint; their declaration."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
-from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.checks import are_numbers, in_figures, is_number
 from tubeplanner.errors import RobotError, shown, unknown_name
+from tubeplanner.fields import (
+    DeclaredSection,
+    Finite,
+    Flag,
+    Number,
+    Section,
+    Vector,
+    declaration,
+    declared,
+    is_pair,
+    is_plain_number,
+    one_of,
+    section_of,
+)
 from tubeplanner.text import short_repr
 
-# ---- Limits of a problem, which replace and scale the URDF's.
+_MIN, _MAX = 1e-6, 1e9  # limits, speeds and motor values that make sense, in SI units
 
-SCALABLE = ("effort", "velocity", "acceleration")
-# A single number serves for all joints.
-_NUMBERS = (*SCALABLE, "jerk", "effort_rate")
-PER_JOINT = (*_NUMBERS, "position", "velocity_by_position")
+# ---- Types of values of joints, in Python and in files.
 
 NumberPerJoint: TypeAlias = float | Sequence[float] | Mapping[str, float]
 Range: TypeAlias = tuple[float, float]
 Effort: TypeAlias = float | tuple[float, float] | Mapping[str, Sequence[float]]
 EffortPerJoint: TypeAlias = float | Sequence[float] | Mapping[str, Effort]
 Law: TypeAlias = Mapping[str, float | None] | None
+Friction: TypeAlias = float | tuple[float, float]
+FrictionPerJoint: TypeAlias = float | Sequence[Friction] | Mapping[str, Friction]
 
-_MIN, _MAX = 1e-6, 1e9  # limits, speeds and motor values that make sense, in SI units
+
+class EffortTableFields(Section):
+    """An effort limit that depends on the joint's position."""
+
+    position: list[Finite] = Field(description="increasing [rad] or [m]")
+    effort: list[Finite] = Field(
+        description="there; linear between them, constant beyond [N m] or [N]"
+    )
+
+
+class VelocityByPositionFields(Section):
+    """A velocity limit that falls towards the ends of a joint's range, beside `velocity`."""
+
+    deceleration: Finite = Field(description="at which it could still stop [rad/s^2] or [m/s^2]")
+    offset: Finite = Field(description="taken off the velocity [rad/s] or [m/s]")
+    lower: Finite | None = Field(
+        None, description="where it would stop; default: the position limit [rad, m]"
+    )
+    upper: Finite | None = Field(
+        None, description="where it would stop; default: the position limit [rad, m]"
+    )
+
+
+_PER_JOINT = one_of(
+    lambda value: is_plain_number(value) or isinstance(value, list | tuple | dict),
+    "one number for all joints, a list with one for each, or a map by name",
+)
+_Numbers: TypeAlias = Annotated[Number | list[Number] | dict[str, Number], _PER_JOINT]
+_Friction: TypeAlias = Annotated[
+    Number | tuple[Number, Number],
+    one_of(
+        lambda value: is_plain_number(value) or is_pair(value),
+        "a number, or [backwards, forwards]",
+    ),
+]
+_Frictions: TypeAlias = Annotated[Number | list[_Friction] | dict[str, _Friction], _PER_JOINT]
+_Effort: TypeAlias = Annotated[
+    Number | tuple[Number, Number] | EffortTableFields,
+    one_of(
+        lambda value: is_plain_number(value) or is_pair(value) or isinstance(value, dict),
+        "a number, [backwards, forwards], or a map with position and effort",
+    ),
+]
+_Efforts: TypeAlias = Annotated[Number | list[Number] | dict[str, _Effort], _PER_JOINT]
+_Ranges: TypeAlias = dict[str, tuple[Number, Number]] | list[tuple[Number, Number]]
+_Law: TypeAlias = VelocityByPositionFields | None
+
+
+_NO_NUMBER = ("position", "velocity_by_position")  # a single number does not serve for all joints
+
+
+class _JointValues:
+    """Fields with values of joints: a number for all, a list in chain order, or a map by name."""
+
+    def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:
+        """Return the values of a quantity by joint name.
+
+        Args:
+            quantity: Name of the field.
+            chain: The joints of the planning group, in chain order.
+            where: Label of the quantity in messages.
+
+        Raises:
+            RobotError: A list has another number of values than there are joints.
+        """
+        values = getattr(self, quantity)
+        if isinstance(values, Mapping):
+            return values
+        if is_number(values):
+            return dict.fromkeys(chain, values)
+        if len(values) != len(chain):
+            alone = "" if quantity in _NO_NUMBER else "one for all joints, "
+            raise RobotError(
+                f"{where} has {len(values)} values for {len(chain)} joints; give "
+                f"{alone}a map by name, or a list in the order of the chain: {', '.join(chain)}"
+            )
+        return dict(zip(chain, values, strict=True))
+
+    def _entries(self, section: str, quantity: str) -> Iterator[tuple[str, Any]]:
+        """Yield each value of a quantity with its label in messages.
+
+        Raises:
+            RobotError: The values are no list, map, or number for all joints.
+        """
+        where, values = f"{section}.{quantity}", getattr(self, quantity)
+        if isinstance(values, Mapping):
+            for name, value in values.items():
+                yield f"{where}: joint {shown(name)} at", value
+        elif isinstance(values, list | tuple) or (
+            isinstance(values, np.ndarray) and values.ndim > 0
+        ):
+            yield from ((f"{where}[{k}] is", value) for k, value in enumerate(values))
+        elif quantity in _NO_NUMBER:
+            raise RobotError(
+                f"{where} is {shown(values)}; it must be a map by name, or a list with one for "
+                "each joint"
+            )
+        elif is_number(values):
+            yield f"{where} is", values
+        else:
+            raise RobotError(
+                f"{where} is {shown(values)}; it must be one number for all joints, a list with "
+                "one for each, or a map by name, such as {'elbow_joint': 1.5}"
+            )
+
+
+# ---- Limits of a problem, which replace and scale the URDF's.
+
+
+@dataclass(frozen=True)
+class JointQuantity:
+    """What has a limit for each joint, a number; a field of `LimitOverrides` and `JointLimits`.
+
+    Attributes:
+        units: Of a turning and of a sliding joint.
+        in_urdf: "required", "optional" or "never": of these only a given limit enters the hash.
+        is_scalable: True if a commissioning factor may scale the limit.
+        is_followed: True if the limit of a follower bounds its master.
+        name: Of the fields.
+    """
+
+    units: tuple[str, str]
+    in_urdf: str = "never"
+    is_scalable: bool = False
+    is_followed: bool = False
+    name: str = ""
+
+    @property
+    def label(self) -> str:
+        """The quantity in words."""
+        return self.name.replace("_", " ")
+
+    def unit(self, is_revolute: bool) -> str:
+        """Return the unit of a turning or a sliding joint."""
+        return self.units[0] if is_revolute else self.units[1]
+
+
+def _limit(description: str, quantity: JointQuantity, kind: Any = _Numbers) -> Any:
+    turning, sliding = quantity.units
+    text = f"{description} [{turning}] or [{sliding}]"
+    return declared({}, text, kind, quantity=quantity)
 
 
 @dataclass(frozen=True)
@@ -40,9 +193,9 @@ class PointSpeed:
         RobotError: The position is not three numbers, or the speed is not from 1e-6 to 1e9 m/s.
     """
 
-    link: str
-    position: tuple[float, float, float]
-    speed: float
+    link: str = field(metadata=declaration("any URDF link"))
+    position: Vector = field(metadata=declaration("of the point in the link's frame [m]"))
+    speed: Finite = field(metadata=declaration("in any direction [m/s]"))
 
     def __post_init__(self) -> None:
         where = f"robot.limits.point_speed of link {shown(self.link)}"
@@ -57,8 +210,13 @@ class PointSpeed:
         object.__setattr__(self, "position", tuple(float(value) for value in position))
 
 
+@section_of(PointSpeed)
+class PointSpeedFields(DeclaredSection):
+    """A limit on the speed of a point of the arm."""
+
+
 @dataclass(frozen=True)
-class LimitOverrides:
+class LimitOverrides(_JointValues):
     """Limits of a problem: maps by joint name, or lists with a value per joint in chain order.
 
     A single number of effort, velocity, acceleration, jerk or effort rate serves for all joints.
@@ -82,17 +240,38 @@ class LimitOverrides:
         point_speed: Limits on the speed of points of the arm.
     """
 
-    effort: EffortPerJoint = field(default_factory=dict)
-    velocity: NumberPerJoint = field(default_factory=dict)
-    position: Mapping[str, Range] | Sequence[Range] = field(default_factory=dict)
-    acceleration: NumberPerJoint = field(default_factory=dict)
-    jerk: NumberPerJoint = field(default_factory=dict)
-    scale: Mapping[str, float] = field(default_factory=dict)
-    tool_speed: float | None = None
-    velocity_tolerance: float | None = None
-    effort_rate: NumberPerJoint = field(default_factory=dict)
-    velocity_by_position: Mapping[str, Law] | Sequence[Law] = field(default_factory=dict)
-    point_speed: Sequence[PointSpeed] = ()
+    effort: EffortPerJoint = _limit(
+        "either way; in a map also [backwards, forwards], or by position",
+        JointQuantity(("N m", "N"), "required", is_scalable=True),
+        _Efforts,
+    )
+    velocity: NumberPerJoint = _limit(
+        "either way",
+        JointQuantity(("rad/s", "m/s"), "required", is_scalable=True, is_followed=True),
+    )
+    position: Mapping[str, Range] | Sequence[Range] = declared(
+        {}, "[lower, upper] [rad, m]", _Ranges
+    )
+    acceleration: NumberPerJoint = _limit(
+        "default: none",
+        JointQuantity(("rad/s^2", "m/s^2"), "optional", is_scalable=True, is_followed=True),
+    )
+    jerk: NumberPerJoint = _limit(
+        "default: none",
+        JointQuantity(("rad/s^3", "m/s^3"), "optional", is_followed=True),
+    )
+    scale: Mapping[str, float] = declared(
+        {}, "factors in (0, 1] on effort, velocity, acceleration", dict[str, Finite]
+    )
+    tool_speed: float | None = declared(None, "of the tool centre point [m/s]", Number | None)
+    velocity_tolerance: float | None = declared(
+        None, "fraction of a velocity limit beyond it at which the controller stops", Number | None
+    )
+    effort_rate: NumberPerJoint = _limit("default: none", JointQuantity(("N m/s", "N/s")))
+    velocity_by_position: Mapping[str, Law] | Sequence[Law] = declared(
+        {}, "velocity limits that fall towards the ends of the range", dict[str, _Law] | list[_Law]
+    )
+    point_speed: Sequence[PointSpeed] = declared([], "of points of the arm", list[PointSpeedFields])
 
     __repr__ = short_repr
 
@@ -107,22 +286,20 @@ class LimitOverrides:
             raise RobotError(
                 f"robot.limits.velocity_tolerance is {shown(tolerance)}; give a number from 0 to 1"
             )
-        for quantity in PER_JOINT:
-            where, values = f"robot.limits.{quantity}", getattr(self, quantity)
-            require_per_joint(where, values, takes_number=quantity in _NUMBERS)
-        for quantity in _NUMBERS:
-            for where, value in entries_of(f"robot.limits.{quantity}", getattr(self, quantity)):
+        for _ in self._entries("robot.limits", "velocity_by_position"):
+            pass  # the values are checked beside the limits of the joints
+        for quantity in QUANTITIES:
+            for where, value in self._entries("robot.limits", quantity):
                 takes_range = quantity == "effort" and isinstance(self.effort, Mapping)
                 if takes_range and not is_number(value):
-                    require_effort_range(where, value)
-                elif not is_number(value) or not (_MIN <= value <= _MAX or value == np.inf):
+                    _require_effort_range(where, value)
+                elif not _is_limit(value):
                     raise RobotError(
                         f"{where} {in_figures(value)}; give a number from {_MIN:g} to {_MAX:g}, "
                         "or .inf for none"
                     )
-        for where, range_ in entries_of("robot.limits.position", self.position):
-            is_pair = isinstance(range_, list | tuple | np.ndarray) and len(range_) == 2
-            if not is_pair or not all(is_number(bound) for bound in range_):
+        for where, range_ in self._entries("robot.limits", "position"):
+            if not _is_pair(range_) or not all(map(is_number, range_)):
                 raise RobotError(f"{where} {shown(range_)}; give [lower, upper]")
         if not isinstance(self.scale, Mapping):
             raise RobotError(
@@ -144,37 +321,44 @@ class LimitOverrides:
                 f"robot.limits.point_speed is {shown(points)}; give a list of PointSpeed"
             )
 
-    def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:
-        """Return the limits of a quantity by joint name.
 
-        Args:
-            quantity: An entry of `PER_JOINT`.
-            chain: The joints of the planning group, in chain order.
-            where: Label of the quantity in messages.
-
-        Raises:
-            RobotError: A list has another number of values than there are joints.
-        """
-        takes_number = quantity in _NUMBERS
-        return values_by_name(where, getattr(self, quantity), chain, takes_number=takes_number)
+# All that depends on which scalar limits there are follows from the fields above.
+QUANTITIES: dict[str, JointQuantity] = {
+    each.name: replace(each.metadata["quantity"], name=each.name)
+    for each in fields(LimitOverrides)
+    if "quantity" in each.metadata
+}
+SCALABLE = tuple(name for name, quantity in QUANTITIES.items() if quantity.is_scalable)
+FOLLOWED = tuple(name for name, quantity in QUANTITIES.items() if quantity.is_followed)
+PER_JOINT = (*QUANTITIES, *_NO_NUMBER)
 
 
-# A single number serves for all joints.
-MOTOR_QUANTITIES = (
-    "armature",
-    "viscous_friction",
-    "coulomb_friction",
-    "saturation_effort",
-    "no_load_velocity",
-)
+@section_of(LimitOverrides)
+class LimitFields(DeclaredSection):
+    """Limits by joint name, or lists in chain order; a number serves for all. `.inf`: none.
+
+    They replace those of the URDF.
+    """
+
+
+def limits_of(section: LimitFields) -> LimitOverrides:
+    """Return the limits of a section of a file.
+
+    Raises:
+        RobotError: A number is out of its bounds.
+    """
+    values = section.model_dump()
+    points = tuple(PointSpeed(**point) for point in values["point_speed"])
+    return LimitOverrides(**(values | {"point_speed": points}))
+
+
+# ---- Motors of a problem.
+
 CURVE = ("saturation_effort", "no_load_velocity")  # the ends of a torque-speed line
-
-Friction: TypeAlias = float | tuple[float, float]
-FrictionPerJoint: TypeAlias = float | Sequence[Friction] | Mapping[str, Friction]
 
 
 @dataclass(frozen=True)
-class MotorOverrides:
+class MotorOverrides(_JointValues):
     """Motors of a problem: a number for all joints, a list in chain order, or a map by name.
 
     Attributes:
@@ -190,22 +374,42 @@ class MotorOverrides:
             to lower layers.
     """
 
-    armature: NumberPerJoint = field(default_factory=dict)
-    viscous_friction: NumberPerJoint = field(default_factory=dict)
-    coulomb_friction: FrictionPerJoint = field(default_factory=dict)
-    saturation_effort: NumberPerJoint = field(default_factory=dict)
-    no_load_velocity: NumberPerJoint = field(default_factory=dict)
-    friction_from_urdf: bool | None = None
-    friction_uncertainty: float | None = None
+    armature: NumberPerJoint = declared(
+        {}, "inertia of the rotor as felt at the joint [kg m^2] or [kg]", _Numbers
+    )
+    viscous_friction: NumberPerJoint = declared(
+        {}, "friction in proportion to the velocity [N m s/rad] or [N s/m]", _Numbers
+    )
+    coulomb_friction: FrictionPerJoint = declared(
+        {},
+        "friction whatever the velocity; in a list or map also [backwards, forwards], by the "
+        "direction of motion [N m] or [N]",
+        _Frictions,
+    )
+    saturation_effort: NumberPerJoint = declared(
+        {}, "stall effort of a torque-speed line; .inf: no line [N m] or [N]", _Numbers
+    )
+    no_load_velocity: NumberPerJoint = declared(
+        {}, "where that line reaches zero; .inf: no line [rad/s] or [m/s]", _Numbers
+    )
+    friction_from_urdf: bool | None = declared(
+        None,
+        "take the URDF's damping and friction where none is given; default: false",
+        Flag | None,
+    )
+    friction_uncertainty: float | None = declared(
+        None,
+        "fraction by which friction may be more or less, in [0, 1); the certificate judges the "
+        "worst; default: 0",
+        Finite | None,
+    )
 
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for quantity in MOTOR_QUANTITIES:
-            where, values = f"robot.motors.{quantity}", getattr(self, quantity)
-            require_per_joint(where, values)
-            for entry, value in entries_of(where, values):
-                _REQUIRED[quantity](entry, value)
+            for where, value in self._entries("robot.motors", quantity):
+                self._require(quantity, where, value)
         if not isinstance(self.friction_from_urdf, bool | None):
             raise RobotError(
                 f"robot.motors.friction_from_urdf is {shown(self.friction_from_urdf)}; it must be "
@@ -218,228 +422,81 @@ class MotorOverrides:
                 "fraction from 0, below 1"
             )
 
-    def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:
-        """Return the values of a motor quantity, as `LimitOverrides.by_name`."""
-        return values_by_name(where, getattr(self, quantity), chain)
+    @staticmethod
+    def _require(quantity: str, where: str, value: Any) -> None:
+        """Raise RobotError unless a motor's value, with a label, is within its bounds."""
+        if quantity in CURVE:
+            is_valid = _is_limit(value)
+            remedy = f"from {_MIN:g} to {_MAX:g}, or .inf where there is no torque-speed line"
+        else:
+            is_valid, remedy = _is_amount(value), f"from 0 to {_MAX:g}"
+            if quantity == "coulomb_friction":
+                is_valid |= _is_pair(value) and all(map(_is_amount, value))
+                remedy += ", or [backwards, forwards] of such"
+        if not is_valid:
+            raise RobotError(f"{where} {in_figures(value)}; give a number {remedy}")
 
 
-def _require_amount(where: str, value: Any) -> None:
-    if not _is_amount(value):
-        raise RobotError(f"{where} {in_figures(value)}; give a number from 0 to {_MAX:g}")
+MOTOR_QUANTITIES = tuple(MotorOverrides.__dataclass_fields__)[:5]
 
 
-def _require_friction(where: str, value: Any) -> None:
-    is_pair = isinstance(value, list | tuple | np.ndarray) and len(value) == 2
-    if not _is_amount(value) and not (is_pair and all(map(_is_amount, value))):
-        raise RobotError(
-            f"{where} {in_figures(value)}; give a number from 0 to {_MAX:g}, or [backwards, "
-            "forwards] of such"
-        )
+@section_of(MotorOverrides)
+class MotorFields(DeclaredSection):
+    """Motors as felt at the joints, by joint name, or lists in chain order.
+
+    A number serves for all. What is not given is ideal.
+    """
 
 
-def _require_end_of_curve(where: str, value: Any) -> None:
-    if not (is_number(value) and (_MIN <= value <= _MAX or value == np.inf)):
-        raise RobotError(
-            f"{where} {in_figures(value)}; give a number from {_MIN:g} to {_MAX:g}, or .inf where "
-            "there is no torque-speed line"
-        )
+# ---- Values of joints: a number for all, a list in chain order, or a map by name.
+
+
+def _is_limit(value: Any) -> bool:
+    return is_number(value) and (_MIN <= value <= _MAX or value == np.inf)
 
 
 def _is_amount(value: Any) -> bool:
     return is_number(value) and 0 <= value <= _MAX
 
 
-_REQUIRED = {
-    "armature": _require_amount,
-    "viscous_friction": _require_amount,
-    "coulomb_friction": _require_friction,
-    **dict.fromkeys(CURVE, _require_end_of_curve),
-}
+def _is_pair(value: Any) -> bool:
+    return isinstance(value, list | tuple | np.ndarray) and len(value) == 2
 
 
-# ---- Effort limits that differ by direction, or with the joint's position.
-
-_KEYS = ("position", "effort")
-
-
-@dataclass(frozen=True, eq=False)
-class EffortRange:
-    """Effort limits of a joint in both directions: linear between positions, constant beyond.
-
-    Attributes:
-        joint: Index of the joint in the group.
-        position: Increasing, shape (K,) [rad or m].
-        backwards: Limit against the joint's direction at these positions, > 0, shape (K,)
-            [N m or N].
-        forwards: Limit along the joint's direction, > 0, shape (K,) [N m or N].
-    """
-
-    joint: int
-    position: FloatArray
-    backwards: FloatArray
-    forwards: FloatArray
-
-    def __post_init__(self) -> None:
-        for name in ("position", "backwards", "forwards"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
-    @property
-    def most(self) -> float:
-        """Largest limit at any position and in either direction [N m or N]."""
-        return float(max(self.backwards.max(), self.forwards.max()))
-
-    @property
-    def is_constant(self) -> bool:
-        """True if the limit is the same at every position and in both directions."""
-        return bool((self.backwards == self.most).all() and (self.forwards == self.most).all())
-
-    def scaled(self, factor: float) -> "EffortRange":
-        """Return the limits times a factor."""
-        return EffortRange(
-            self.joint, self.position, factor * self.backwards, factor * self.forwards
-        )
-
-    def side(self, sign: float) -> FloatArray:
-        """Return the limits along (1) or against (-1) the joint's direction, shape (K,)."""
-        return self.forwards if sign > 0 else self.backwards
-
-    def allowed(self, q: FloatArray, sign: float) -> FloatArray:
-        """Return the limits in a direction (1 or -1) at positions of the joint, shape (N,)."""
-        return np.interp(q, self.position, self.side(sign))
-
-    def slope(self, q: FloatArray, sign: float) -> FloatArray:
-        """Return the derivatives of `allowed`, shape (N,); at a corner, the right derivative."""
-        slopes = np.diff(self.side(sign)) / np.diff(self.position)
-        between = np.concatenate([[0.0], slopes, [0.0]])
-        return between[np.searchsorted(self.position, q, side="right")]
+def _is_list(value: Any) -> bool:
+    return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim == 1)
 
 
-def effort_range(joint: int, user_value: Any) -> EffortRange:
-    """Return the effort limits of a joint.
-
-    Args:
-        joint: Index of the joint in the group.
-        user_value: [backwards, forwards], or a map, as `require_effort_range` accepts them.
-    """
-    if isinstance(user_value, Mapping):
-        return EffortRange(
-            joint, user_value["position"], user_value["effort"], user_value["effort"]
-        )
-    backwards, forwards = user_value
-    return EffortRange(joint, np.zeros(1), np.array([backwards]), np.array([forwards]))
+_TABLE = ("position", "effort")
 
 
-def require_effort_range(where: str, user_value: Any) -> None:
-    """Raise unless a limit is [backwards, forwards], or a map with positions and efforts there.
-
-    Args:
-        where: Label in messages.
-        user_value: The limit.
-
-    Raises:
-        RobotError: The limit is neither, a magnitude is out of its bounds, or positions do not
-            increase.
-    """
-    if not isinstance(user_value, Mapping):
-        if not _is_list(user_value) or len(user_value) != 2:
+def _require_effort_range(where: str, value: Any) -> None:
+    """Raise RobotError unless a limit is [backwards, forwards], or a map of positions, efforts."""
+    efforts = value
+    if isinstance(value, Mapping):
+        for key in value:
+            if key not in _TABLE:
+                raise RobotError(f"{where} {shown(value)}: {unknown_name('key', key, _TABLE)}")
+        position, efforts = value.get("position", ()), value.get("effort", ())
+        if not _is_list(position) or not _is_list(efforts) or not 0 < len(position) == len(efforts):
             raise RobotError(
-                f"{where} {shown(user_value)}; give a number from {_MIN:g} to {_MAX:g}, "
-                "[backwards, forwards], or a map with position and effort"
+                f"{where} {shown(value)}; give as many numbers in position as in effort, at least "
+                "one"
             )
-        return _require_magnitudes(where, user_value)
-    for key in user_value:
-        if key not in _KEYS:
-            raise RobotError(f"{where} {shown(user_value)}: {unknown_name('key', key, _KEYS)}")
-    position, effort = user_value.get("position", ()), user_value.get("effort", ())
-    if not _is_list(position) or not _is_list(effort) or not 0 < len(position) == len(effort):
-        raise RobotError(
-            f"{where} {shown(user_value)}; give as many numbers in position as in effort, at least "
-            "one"
-        )
-    if not all(is_number(q) and np.isfinite(q) for q in position) or any(np.diff(position) <= 0):
-        raise RobotError(f"{where} position {shown(position)}; give finite numbers that increase")
-    return _require_magnitudes(f"{where} effort", effort)
-
-
-def _is_list(user_value: Any) -> bool:
-    return isinstance(user_value, list | tuple) or (
-        isinstance(user_value, np.ndarray) and user_value.ndim == 1
-    )
-
-
-def _require_magnitudes(where: str, user_value: Any) -> None:
-    for value in user_value:
-        if not is_number(value) or not _MIN <= value <= _MAX:
+        is_finite = all(is_number(q) and np.isfinite(q) for q in position)
+        if not is_finite or any(np.diff(position) <= 0):
             raise RobotError(
-                f"{where} {shown(user_value)} has {in_figures(value)}; give magnitudes from "
+                f"{where} position {shown(position)}; give finite numbers that increase"
+            )
+        where = f"{where} effort"
+    elif not _is_list(value) or len(value) != 2:
+        raise RobotError(
+            f"{where} {shown(value)}; give a number from {_MIN:g} to {_MAX:g}, "
+            "[backwards, forwards], or a map with position and effort"
+        )
+    for effort in efforts:
+        if not is_number(effort) or not _MIN <= effort <= _MAX:
+            raise RobotError(
+                f"{where} {shown(efforts)} has {in_figures(effort)}; give magnitudes from "
                 f"{_MIN:g} to {_MAX:g}"
             )
-
-
-# ---- Values of joints: a number for all, a list in chain order, or a map by name.
-
-
-def require_per_joint(where: str, user_value: Any, *, takes_number: bool = True) -> None:
-    """Raise unless values are a list, a map, or a number for all joints.
-
-    Args:
-        where: Label in messages.
-        user_value: The values.
-        takes_number: True if a number may serve for all joints.
-
-    Raises:
-        RobotError: The values have another type.
-    """
-    is_list = isinstance(user_value, list | tuple) or (
-        isinstance(user_value, np.ndarray) and user_value.ndim > 0
-    )
-    if isinstance(user_value, Mapping) or is_list or (takes_number and is_number(user_value)):
-        return
-    if not takes_number:
-        raise RobotError(
-            f"{where} is {shown(user_value)}; it must be a map by name, or a list with one for "
-            "each joint"
-        )
-    raise RobotError(
-        f"{where} is {shown(user_value)}; it must be one number for all joints, a list with one "
-        "for each, or a map by name, such as {'elbow_joint': 1.5}"
-    )
-
-
-def entries_of(where: str, user_value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield pairs of a label in messages and a value."""
-    if isinstance(user_value, Mapping):
-        yield from (
-            (f"{where}: joint {shown(name)} at", value) for name, value in user_value.items()
-        )
-    elif is_number(user_value):
-        yield f"{where} is", user_value
-    else:
-        yield from ((f"{where}[{k}] is", value) for k, value in enumerate(user_value))
-
-
-def values_by_name(
-    where: str, user_value: Any, chain: Sequence[str], *, takes_number: bool = True
-) -> Mapping[str, Any]:
-    """Return values by joint name.
-
-    Args:
-        where: Label in messages.
-        user_value: The values, as `require_per_joint` accepts them.
-        chain: The joints of the planning group, in chain order.
-        takes_number: True if a number may serve for all joints.
-
-    Raises:
-        RobotError: A list has another number of values than there are joints.
-    """
-    if isinstance(user_value, Mapping):
-        return user_value
-    if is_number(user_value):
-        return dict.fromkeys(chain, user_value)
-    if len(user_value) != len(chain):
-        alone = "one for all joints, " if takes_number else ""
-        raise RobotError(
-            f"{where} has {len(user_value)} values for {len(chain)} joints; give "
-            f"{alone}a map by name, or a list in the order of the chain: {', '.join(chain)}"
-        )
-    return dict(zip(chain, user_value, strict=True))

@@ -5,7 +5,7 @@ import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import IO
 
@@ -15,6 +15,7 @@ import pinocchio as pin
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
 from tubeplanner.checks import are_numbers, checked_row, in_figures, is_number
 from tubeplanner.errors import RobotError, shown, unknown_name
+from tubeplanner.fields import Finite, Quaternion, Vector, declaration, declared
 from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
 from tubeplanner.robot.urdf import (
     UrdfDescription,
@@ -45,9 +46,9 @@ class BasePose:
         quaternion: x, y, z, w of any length, instead of `rpy`.
     """
 
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    rpy: tuple[float, float, float] | None = None
-    quaternion: tuple[float, float, float, float] | None = None
+    position: Vector = declared((0.0, 0.0, 0.0), "of its origin [m]")
+    rpy: Vector | None = declared(None, "fixed x, y, z as in URDF [rad]")
+    quaternion: Quaternion | None = declared(None, "x y z w, instead of rpy")
 
     def __post_init__(self) -> None:
         is_point = are_numbers(self.position, 3)
@@ -147,9 +148,11 @@ class Payload:
             [kg m^2].
     """
 
-    mass: float
-    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    mass: Finite = field(metadata=declaration("what is carried [kg]"))
+    com: Vector = declared((0.0, 0.0, 0.0), "centre of mass in tool_frame [m]")
+    inertia: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = declared(
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), "ixx iyy izz ixy ixz iyz about the com [kg m^2]"
+    )
 
     def __post_init__(self) -> None:
         if not is_number(self.mass) or not 0 <= self.mass <= _MAX_MASS:
@@ -194,8 +197,8 @@ class ToolOffset:
         rpy: Roll, pitch, yaw about fixed x, y, z, as in URDF [rad].
     """
 
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    position: Vector = declared((0.0, 0.0, 0.0), "where it is in tool_frame [m]")
+    rpy: Vector = declared((0.0, 0.0, 0.0), "fixed x, y, z as in URDF [rad]")
 
     def __post_init__(self) -> None:
         for name in ("position", "rpy"):

@@ -10,7 +10,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.studies.changes import Change, Proposal, Question, exact, figures, from_to
 from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration_of
-from tubeplanner.task.fields import ClearanceFields
+from tubeplanner.task.problem_format import ClearanceFields
 from tubeplanner.task.problem_reader import end_of
 
 # ---- Directions of moves, in words and as unit vectors.

@@ -10,15 +10,14 @@ from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 from tubeplanner.checks import checked_path, is_number
 from tubeplanner.errors import OptionError, ProblemError, unknown_name
+from tubeplanner.fields import Finite, Flag, Section, Version, check_fields, no_flag
 from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.resources import find_problem
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.study import MAX_POINTS, PROBLEM, Axis, Latin, Levels, Study, interval
 from tubeplanner.task.field_changes import factor_of
-from tubeplanner.task.fields import Finite, Flag, Section, Version, no_flag
 from tubeplanner.task.problem_format import is_study, read_document, require_study
-from tubeplanner.task.validation import check_fields
 
 # ---- The format: fields, units, defaults. Other tools read it, so names never change.
 

@@ -9,29 +9,21 @@ from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from tubeplanner.checks import checked_path
 from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.fields import Finite, Flag, Section, Version, check_fields, one_of
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import angles_of, doubts
+from tubeplanner.robot.overrides import LimitFields
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.cycle import Cycle, anywhere
 from tubeplanner.task.field_changes import changed_problem
-from tubeplanner.task.fields import (
-    Clearance,
-    ContactFields,
-    Finite,
-    Flag,
-    LimitFields,
-    Section,
-    Version,
-    clearances_of,
-    contacts_of,
-    one_of,
-)
 from tubeplanner.task.includes import ProblemLayers, merged_fields
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import (
     AttachedFields,
+    Clearance,
     CollisionFields,
+    ContactFields,
     EndpointFields,
     ObjectiveFields,
     ObstacleFields,
@@ -40,12 +32,13 @@ from tubeplanner.task.problem_format import (
     RobotFields,
     ShapeFields,
     TubeFields,
+    clearances_of,
+    contacts_of,
     is_cycle,
     read_document,
 )
 from tubeplanner.task.problem_reader import attached_of, build_problem, load_problem
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
-from tubeplanner.task.validation import check_fields
 from tubeplanner.text import require_name
 
 # ---- Fields of the cycle file, with units and defaults. Other tools read it: names never change.

@@ -1,15 +1,16 @@
 """Demands beside the tube: contacts, objective, controller period, robustness."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import ceil, floor, inf
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import in_figures, is_number
 from tubeplanner.errors import ProblemError, TubePlannerError, shown, unknown_name
+from tubeplanner.fields import Finite, declared
 from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.solids import MAX_SIZE
 from tubeplanner.robot.model import RobotModel
@@ -149,10 +150,25 @@ class Objective:
             numbers >= 0, or weights without "energy".
     """
 
-    slack: float | None = None
-    minimise: str = SMOOTHNESS
-    duration: float | None = None
-    weights: Mapping[str, float] = field(default_factory=dict)
+    slack: Finite | None = declared(
+        None,
+        "fraction of the shortest duration that it may take more; 0: the shortest; left out: "
+        "0.005, unless a duration is given",
+    )
+    minimise: str = declared(
+        SMOOTHNESS,
+        "what that time is used for: efforts and jerks that change little, the integral of "
+        "squared efforts, or that of positive power",
+        Literal[MINIMISED],
+    )
+    duration: Finite | None = declared(
+        None, "how long it takes [s], in place of a slack; left out: as that says"
+    )
+    weights: Mapping[str, float] = declared(
+        {},
+        "of the squared efforts in the energy, by joint; left out: 1/limit^2",
+        dict[str, Finite],
+    )
 
     def __post_init__(self) -> None:
         if not isinstance(self.minimise, str) or self.minimise not in MINIMISED:
@@ -254,29 +270,12 @@ def require_period(period: float, duration: float | None) -> None:
 # ---- Errors of the real arm and its control against the model.
 
 COMPUTED_TORQUE, FEEDFORWARD_PD, PD = CONTROLLERS = ("computed-torque", "feedforward-pd", "pd")
-# Largest error of each quantity, and its unit. Masses and frictions stay above zero.
-_MAX_ERRORS = {
-    "mass": (0.9, ""),
-    "com": (1.0, "m"),
-    "payload": (0.9, ""),
-    "friction": (0.9, ""),
-    "unmodelled_friction": (0.9, ""),
-    "lag": (1.0, "s"),
-    "delay": (1.0, "s"),
-    "noise": (0.1, "rad or m"),
-    "tool": (1.0, "m"),
-    "base": (1.0, "m"),
-}
-ERRORS = tuple(_MAX_ERRORS)
-_MIN_CONTROL_PERIOD, _MAX_CONTROL_PERIOD = 1e-4, 0.1  # [s]
-_BANDWIDTHS = (1.0, 80.0)  # [rad/s]; beyond, a delay of 2 ms leaves the loop little damping
-# Deviations at which a controller stops: the least accepted, and units.
-_TOLERANCES = {
-    "velocity_tolerance": (0.0, ""),
-    "path_tolerance": (1e-6, "rad"),
-    "tool_tolerance": (1e-6, "m"),
-}
 _MAX_TOLERANCE = 10.0
+
+
+def _error(default: float, description: str, most: float, unit: str = "") -> Any:
+    """Return a field for the size of an error; masses and frictions stay above zero."""
+    return declared(default, description, Finite, bounds=(0.0, most), unit=unit, is_error=True)
 
 
 @dataclass(frozen=True)
@@ -311,31 +310,62 @@ class Robustness:
         ProblemError: On construction, for a value out of its bounds or an unknown controller.
     """
 
-    mass: float = 0.05
-    com: float = 0.005
-    payload: float = 0.1
-    friction: float = 0.2
-    unmodelled_friction: float = 0.02
-    lag: float = 0.001
-    delay: float = 0.001
-    noise: float = 1e-5
-    tool: float = 0.0005
-    base: float = 0.0005
-    control_period: float = 0.001
-    controller: str = COMPUTED_TORQUE
-    bandwidth: float = 30.0
-    velocity_tolerance: float | None = None
-    path_tolerance: float | None = 0.05
-    tool_tolerance: float | None = None
+    mass: float = _error(0.05, "of every body, relative, uniform in +-", 0.9)
+    com: float = _error(0.005, "of every centre of mass, uniform in a ball [m]", 1.0, "m")
+    payload: float = _error(0.1, "of the payload's mass, relative, uniform in +-", 0.9)
+    friction: float = _error(0.2, "of every modelled friction, relative, uniform in +-", 0.9)
+    unmodelled_friction: float = _error(
+        0.02, "viscous, fraction of the effort limit at full speed, uniform from zero", 0.9
+    )
+    lag: float = _error(0.001, "time constant of the motors, from zero [s]", 1.0, "s")
+    delay: float = _error(0.001, "from measurement to effort, from zero [s]", 1.0, "s")
+    noise: float = _error(1e-5, "of measured positions, normal [rad, m]", 0.1, "rad or m")
+    tool: float = _error(0.0005, "of the tool centre point, uniform in a ball [m]", 1.0, "m")
+    base: float = _error(0.0005, "of the base, uniform in a ball [m]", 1.0, "m")
+    control_period: float = declared(
+        0.001, "of the controller [s]", Finite, bounds=(1e-4, 0.1), unit="s"
+    )
+    controller: str = declared(COMPUTED_TORQUE, "what follows the plan", Literal[CONTROLLERS])
+    # Beyond 80 rad/s a delay of 2 ms leaves the loop little damping.
+    bandwidth: float = declared(
+        30.0, "of the feedback, at least [rad/s]", Finite, bounds=(1.0, 80.0), unit="rad/s"
+    )
+    velocity_tolerance: float | None = declared(
+        None,
+        "fraction of a velocity limit beyond it at which the controller stops; default: the "
+        "preset's, or 0.05",
+        Finite | None,
+        bounds=(0.0, _MAX_TOLERANCE),
+        unit="",
+    )
+    path_tolerance: float | None = declared(
+        0.05,
+        "distance of a joint from the plan at which the controller stops [rad]; of a sliding "
+        "joint a tenth of it [m]; null: none",
+        Finite | None,
+        bounds=(1e-6, _MAX_TOLERANCE),
+        unit="rad",
+    )
+    tool_tolerance: float | None = declared(
+        None,
+        "likewise, of the tool centre point [m]",
+        Finite | None,
+        bounds=(1e-6, _MAX_TOLERANCE),
+        unit="m",
+    )
 
     def __post_init__(self) -> None:
-        for name, (most, unit) in _MAX_ERRORS.items():
-            self._require_between(name, 0.0, most, unit)
-        self._require_between("control_period", _MIN_CONTROL_PERIOD, _MAX_CONTROL_PERIOD, "s")
-        self._require_between("bandwidth", *_BANDWIDTHS, "rad/s")
-        for name, (least, unit) in _TOLERANCES.items():
-            if getattr(self, name) is not None:
-                self._require_between(name, least, _MAX_TOLERANCE, unit)
+        for name, own in self.__dataclass_fields__.items():
+            value, optional = getattr(self, name), own.type == float | None
+            if "bounds" not in own.metadata or (optional and value is None):
+                continue
+            least, most = own.metadata["bounds"]
+            unit = f" {own.metadata['unit']}".rstrip()
+            if not is_number(value) or not least <= value <= most:
+                raise ProblemError(
+                    f"robustness.{name} is {in_figures(value)}{unit}; give a number from {least:g} "
+                    f"to {most:g}{unit}"
+                )
         if self.controller not in CONTROLLERS:
             message = unknown_name("controller", self.controller, CONTROLLERS)
             raise ProblemError(f"robustness.controller: {message}")
@@ -343,12 +373,13 @@ class Robustness:
     @classmethod
     def exact(cls, **fields: float | str) -> "Robustness":
         """Return errors of zero, except for given fields."""
-        return cls(**(dict.fromkeys(_MAX_ERRORS, 0.0) | fields))  # type: ignore[arg-type]
+        return cls(**(dict.fromkeys(ERRORS, 0.0) | fields))  # type: ignore[arg-type]
 
     def enlarged(self, factor: float) -> "Robustness":
         """Return the errors times a factor, up to the largest accepted."""
         larger: dict[str, Any] = {
-            name: min(factor * getattr(self, name), _MAX_ERRORS[name][0]) for name in ERRORS
+            name: min(factor * getattr(self, name), field["bounds"][1])
+            for name, field in ERRORS.items()
         }
         return replace(self, **larger)
 
@@ -356,19 +387,17 @@ class Robustness:
     def in_words(self) -> str:
         """The bounds of the errors that are not zero."""
         words = []
-        for name, (_, unit) in _MAX_ERRORS.items():
-            error = getattr(self, name)
+        for name, field in ERRORS.items():
+            error, unit = getattr(self, name), field["unit"]
             if error > 0:
                 small_unit = "mrad or mm" if unit == "rad or m" else "m" + unit
                 size = f"{1000 * error:.3g} {small_unit}" if unit else f"{100 * error:.3g} %"
                 words.append(f"{name.replace('_', ' ')} {size}")
         return ", ".join(words) or "nothing"
 
-    def _require_between(self, name: str, least: float, most: float, unit: str) -> None:
-        value = getattr(self, name)
-        if not is_number(value) or not least <= value <= most:
-            of_unit = f" {unit}" if unit else ""
-            raise ProblemError(
-                f"robustness.{name} is {in_figures(value)}{of_unit}; give a number from {least:g} "
-                f"to {most:g}{of_unit}"
-            )
+
+ERRORS = {
+    name: field.metadata
+    for name, field in Robustness.__dataclass_fields__.items()
+    if "is_error" in field.metadata
+}

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from tubeplanner.checks import is_number
 from tubeplanner.documents import DocumentError, parse_yaml, require_shallow
 from tubeplanner.errors import OptionError, ProblemError, shown, unknown_name
-from tubeplanner.task.fields import Section
+from tubeplanner.fields import Section
 from tubeplanner.task.includes import INCLUDE, ProblemLayers
 from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, require_problem
 

@@ -9,27 +9,24 @@ from pydantic_core import PydanticCustomError
 
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
 from tubeplanner.errors import ProblemError
-from tubeplanner.task.demands import Robustness
-from tubeplanner.task.fields import (
-    BaseFields,
-    Clearance,
-    ContactFields,
+from tubeplanner.fields import (
+    DeclaredSection,
     Finite,
     Flag,
-    LimitFields,
-    MotorFields,
     Number,
-    PoseFields,
     Quaternion,
     Section,
-    ToolOffsetFields,
     Vector,
     Version,
+    check_fields,
     is_plain_number,
     no_flag,
     one_of,
+    section_of,
 )
-from tubeplanner.task.validation import check_fields
+from tubeplanner.robot.overrides import LimitFields, MotorFields
+from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
+from tubeplanner.task.demands import ENDS, GOAL, START, Contact, Objective, Robustness
 
 # ---- Kinds of documents: problem, cycle, study.
 
@@ -78,6 +75,116 @@ def _is_of(document: Any, format_: str, key: str) -> bool:
     return key in document or (isinstance(value, str) and value == format_)
 
 
+# ---- Poses.
+
+
+class PoseFields(Section):
+    """A pose of the tool centre point; exactly one of rpy, quaternion."""
+
+    position: Vector = Field(description="base frame [m]")
+    rpy: Vector | None = Field(None, description="fixed x, y, z as in URDF [rad]")
+    quaternion: Quaternion | None = Field(None, description="x y z w, instead of rpy")
+
+
+@section_of(ToolOffset)
+class ToolOffsetFields(DeclaredSection):
+    """The tool centre point in the tool frame."""
+
+
+@section_of(BasePose)
+class BaseFields(DeclaredSection):
+    """The pose of the root link in the cell; at most one of rpy, quaternion."""
+
+
+# ---- Clearances and contacts, and their values in a problem.
+
+
+class PairClearanceFields(Section):
+    """A clearance of two solids."""
+
+    links: tuple[str, str] = Field(description="links, attached solids or obstacles")
+    clearance: Finite = Field(description="least distance between them [m]")
+
+
+class ClearanceFields(Section):
+    """Clearances; the more specific holds: of a pair, else of a segment, else the default."""
+
+    default: Finite = Field(0.0, description="least distance of links to obstacles [m]")
+    pairs: list[PairClearanceFields] = Field(
+        [], description="of single pairs, also of links from each other"
+    )
+    segments: list[Finite | None] | None = Field(
+        None, description="m distances of links to obstacles, null where it is the default [m]"
+    )
+
+
+Clearance: TypeAlias = Annotated[
+    Finite | ClearanceFields,
+    one_of(
+        lambda value: isinstance(value, int | float | dict | ClearanceFields),
+        "a number, or a map with default, pairs, segments",
+    ),
+    BeforeValidator(no_flag),  # the last validator comes first
+]
+
+
+class ContactFields(Section):
+    """Two solids that may be nearer than their clearance where the motion begins or ends."""
+
+    links: tuple[str, str] = Field(description="links, attached solids or obstacles")
+    segments: list[Annotated[int, Field(strict=True)]] | None = Field(
+        None,
+        description="0, the first, where it begins, or the last (also -1), where it ends; left "
+        "out: both",
+    )
+    within: Finite = Field(description="distance of the tool from where it is there [m]")
+
+
+def clearances_of(fields: float | ClearanceFields) -> dict[str, Any]:
+    """Return the arguments `clearance` and `pair_clearances` of a problem [m]."""
+    if not isinstance(fields, ClearanceFields):
+        return {"clearance": fields}
+    pairs = {pair.links: pair.clearance for pair in fields.pairs}
+    return {"clearance": fields.default, "pair_clearances": pairs}
+
+
+def segment_clearances(fields: float | ClearanceFields) -> list[float | None] | None:
+    """Return the `clearance` of a tube [m], None for the problem's."""
+    return fields.segments if isinstance(fields, ClearanceFields) else None
+
+
+def contacts_of(fields: list[ContactFields], segments: int | None) -> tuple[Contact, ...]:
+    """Return the contacts of a problem.
+
+    Args:
+        fields: Contacts of a file.
+        segments: Number of segments of the file's tube; None: not known yet.
+
+    Raises:
+        ProblemError: A segment is neither the first nor the last.
+    """
+    return tuple(
+        Contact(each.links, each.within, _ends(k, each.segments, segments))
+        for k, each in enumerate(fields)
+    )
+
+
+def _ends(k: int, indices: list[int] | None, segments: int | None) -> tuple[str, ...]:
+    """Return the ends at which the solids of contact k touch, from indices of segments."""
+    if indices is None:
+        return ENDS
+    last = [-1] if segments is None else [-1, segments - 1]
+    for index in indices:
+        if index != 0 and index not in last:
+            accepted = "-1, the last" if segments is None else f"{segments - 1} (or -1), the last"
+            raise ProblemError(
+                f"contacts[{k}].segments has {index}; solids may touch where the motion begins "
+                f"or ends: give 0, the first, or {accepted}"
+            )
+    ends = ((START, 0 in indices), (GOAL, any(index in last for index in indices)))
+    return tuple(end for end, is_present in ends if is_present)
+
+
 # ---- Fields of the problem file, with units and defaults. Other tools read it: names never change.
 
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
@@ -120,14 +227,9 @@ PROBLEM_FORMAT: Final = "tubeplanner/problem"
 _MAX_BYTES = 10_000_000
 
 
-class PayloadFields(Section):
+@section_of(Payload)
+class PayloadFields(DeclaredSection):
     """A mass carried in the tool frame."""
-
-    mass: Finite = Field(description="what is carried [kg]")
-    com: Vector = Field((0.0, 0.0, 0.0), description="centre of mass in tool_frame [m]")
-    inertia: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), description="ixx iyy izz ixy ixz iyz about the com [kg m^2]"
-    )
 
 
 class ShapeFields(Section):
@@ -308,71 +410,17 @@ class CollisionFields(Section):
     ignore: list[tuple[str, str]] = Field([], description="pairs of links or obstacles left out")
 
 
-class ObjectiveFields(Section):
+@section_of(Objective, "slack", "duration", "minimise", "weights")
+class ObjectiveFields(DeclaredSection):
     """What the answer is to be beside short."""
 
-    slack: Finite | None = Field(
-        None,
-        description="fraction of the shortest duration that it may take more; 0: the shortest; "
-        "left out: 0.005, unless a duration is given",
-    )
-    duration: Finite | None = Field(
-        None, description="how long it takes [s], in place of a slack; left out: as that says"
-    )
-    minimise: Literal["smoothness", "energy", "work"] = Field(
-        "smoothness",
-        description="what that time is used for: efforts and jerks that change little, the "
-        "integral of squared efforts, or that of positive power",
-    )
-    weights: dict[str, Finite] = Field(
-        {}, description="of the squared efforts in the energy, by joint; left out: 1/limit^2"
-    )
 
-
-class RobustnessFields(Section):
+@section_of(Robustness)
+class RobustnessFields(DeclaredSection):
     """By how much the real arm and its control may differ at most: the plan is to survive it."""
 
     preset: str | None = Field(
         None, description="name or file of a controller, such as franka_controller, below the rest"
-    )
-    mass: Finite = Field(Robustness.mass, description="of every body, relative, uniform in +-")
-    com: Finite = Field(
-        Robustness.com, description="of every centre of mass, uniform in a ball [m]"
-    )
-    payload: Finite = Field(
-        Robustness.payload, description="of the payload's mass, relative, uniform in +-"
-    )
-    friction: Finite = Field(
-        Robustness.friction, description="of every modelled friction, relative, uniform in +-"
-    )
-    unmodelled_friction: Finite = Field(
-        Robustness.unmodelled_friction,
-        description="viscous, fraction of the effort limit at full speed, uniform from zero",
-    )
-    lag: Finite = Field(Robustness.lag, description="time constant of the motors, from zero [s]")
-    delay: Finite = Field(Robustness.delay, description="from measurement to effort, from zero [s]")
-    noise: Finite = Field(Robustness.noise, description="of measured positions, normal [rad, m]")
-    tool: Finite = Field(
-        Robustness.tool, description="of the tool centre point, uniform in a ball [m]"
-    )
-    base: Finite = Field(Robustness.base, description="of the base, uniform in a ball [m]")
-    control_period: Finite = Field(Robustness.control_period, description="of the controller [s]")
-    controller: Literal["computed-torque", "feedforward-pd", "pd"] = Field(
-        "computed-torque", description="what follows the plan"
-    )
-    bandwidth: Finite = Field(Robustness.bandwidth, description="of the feedback, at least [rad/s]")
-    velocity_tolerance: Finite | None = Field(
-        None,
-        description="fraction of a velocity limit beyond it at which the controller stops; "
-        "default: the preset's, or 0.05",
-    )
-    path_tolerance: Finite | None = Field(
-        Robustness.path_tolerance,
-        description="distance of a joint from the plan at which the controller stops [rad]; of a "
-        "sliding joint a tenth of it [m]; null: none",
-    )
-    tool_tolerance: Finite | None = Field(
-        None, description="likewise, of the tool centre point [m]"
     )
 
 

@@ -10,27 +10,19 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import checked_path
 from tubeplanner.errors import ProblemError, RobotError, TrajectoryError
+from tubeplanner.fields import Section
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, placement_of
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.resources import PackageDirs, find_limits_file, find_mesh, find_problem
-from tubeplanner.robot.limit_layers import LimitLayer
+from tubeplanner.robot.joint_limits import LimitLayer
 from tubeplanner.robot.loader import load_robot, package_folders
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import angles_of, doubts
-from tubeplanner.robot.overrides import LimitOverrides
+from tubeplanner.robot.overrides import LimitOverrides, MotorOverrides, limits_of
 from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
 from tubeplanner.task.demands import Objective, Robustness
 from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration_of
 from tubeplanner.task.field_changes import checked_layers, read_problem_fields
-from tubeplanner.task.fields import (
-    PoseFields,
-    Section,
-    clearances_of,
-    contacts_of,
-    limits_of,
-    motors_of,
-    segment_clearances,
-)
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import (
@@ -38,10 +30,14 @@ from tubeplanner.task.problem_format import (
     EndpointFields,
     JointValues,
     ObstacleFields,
+    PoseFields,
     ProblemFields,
     RobotFields,
     RobustnessFields,
     TubeFields,
+    clearances_of,
+    contacts_of,
+    segment_clearances,
 )
 from tubeplanner.task.side_files import (
     read_limits_file,
@@ -198,7 +194,7 @@ def robot_arguments(fields: RobotFields, directory: Path) -> dict[str, Any]:
         "gravity": fields.gravity,
         "payload": _built(Payload, fields.payload),
         "limits": _limit_layers(fields, directory),
-        "motors": motors_of(fields.motors),
+        "motors": _built(MotorOverrides, fields.motors),
         "package_dirs": fields.package_dirs,
         "xacro_args": fields.xacro_args,
         "srdf": fields.srdf,

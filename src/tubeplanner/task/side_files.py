@@ -13,22 +13,18 @@ from pydantic import Field, ValidationError
 from tubeplanner.checks import checked_path
 from tubeplanner.documents import DocumentError, read_text
 from tubeplanner.errors import ProblemError, RobotError, shown, unknown_name
+from tubeplanner.fields import Flag, Number, Section, Version, first_fault
 from tubeplanner.resources import bundled_presets, find_preset
-from tubeplanner.robot.limit_layers import LimitLayer
+from tubeplanner.robot.joint_limits import LimitLayer
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.robot.overrides import LimitOverrides
-from tubeplanner.task.fields import (
-    Flag,
+from tubeplanner.robot.overrides import (
     LimitFields,
+    LimitOverrides,
     MotorFields,
-    Number,
-    Section,
-    Version,
+    MotorOverrides,
     limits_of,
-    motors_of,
 )
 from tubeplanner.task.problem_format import RobustnessFields, read_document
-from tubeplanner.task.validation import first_fault
 
 # ---- Presets: limits and motors of a robot, and controllers, each field with its source.
 
@@ -78,7 +74,7 @@ def read_preset(name: str | Path, directory: str | Path = ".") -> LimitLayer:
             f"{label} holds robustness alone: name it in robustness.preset, not in robot.preset"
         )
     try:
-        limits, motors = limits_of(fields.limits), motors_of(fields.motors)
+        limits, motors = limits_of(fields.limits), MotorOverrides(**fields.motors.model_dump())
     except RobotError as error:
         raise RobotError(f"{label}: {str(error).removeprefix('robot.')}") from None
     return LimitLayer(f"{label}: ", limits, fields.joints, motors=motors, source=label)

@@ -12,7 +12,7 @@ from tubeplanner.limits.binding_limits import Span
 from tubeplanner.output.curves import BindingStrip, LimitedSection, binding_strip, trajectory_curves
 from tubeplanner.output.figures.binding_panels import draw_clearance, draw_strip, percent
 from tubeplanner.output.figures.panels import draw_efforts, draw_motor, motor_joints
-from tubeplanner.robot.overrides import EffortRange
+from tubeplanner.robot.joint_limits import EffortRange
 
 MOTORS = {
     "robot.limits.effort": {"joint1": [70, 95], "joint2": 27},

@@ -14,7 +14,7 @@ from tubeplanner.optimizer.stages import Sensitivity
 from tubeplanner.output.page.cycle_page import view_cycle
 from tubeplanner.output.page.verdict import limit_sources
 from tubeplanner.output.page.viewer import view
-from tubeplanner.robot.limit_layers import LimitLayer
+from tubeplanner.robot.joint_limits import LimitLayer
 
 WALL = "ur5/over_the_wall"
 

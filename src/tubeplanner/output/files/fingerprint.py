@@ -17,9 +17,10 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.geometry.convex_shapes import ConvexShape
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, SolidContents
 from tubeplanner.geometry.tube.tube import Tube
-from tubeplanner.robot.joint_limits import JointLimits
+from tubeplanner.robot.joint_limits import LIMITS, JointLimits
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.motors import JointMotors
+from tubeplanner.robot.overrides import QUANTITIES
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose
 from tubeplanner.task.problem import PlanningProblem
@@ -113,10 +114,7 @@ def limit_parts(robot: RobotModel) -> list[object]:
     return [
         limits.lower_position,
         limits.upper_position,
-        limits.velocity,
-        limits.effort,
-        limits.acceleration,
-        limits.jerk,
+        *(getattr(limits, name) for name in LIMITS if QUANTITIES[name].in_urdf != "never"),
         *_optional_limits(limits),
         *_motor_parts(robot.motors),
     ]
@@ -127,8 +125,9 @@ def _optional_limits(limits: JointLimits) -> list[object]:
     parts: list[object] = []
     if np.isfinite(limits.tool_speed):
         parts += ["tool_speed", limits.tool_speed]
-    if np.isfinite(limits.effort_rate).any():
-        parts += ["effort_rate", limits.effort_rate]
+    for name in LIMITS:
+        if QUANTITIES[name].in_urdf == "never" and np.isfinite(getattr(limits, name)).any():
+            parts += [name, getattr(limits, name)]
     for law in limits.velocity_by_position:
         parts += ["velocity_by_position", dataclasses.astuple(law)]
     for point in limits.point_speed:

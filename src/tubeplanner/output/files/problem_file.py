@@ -14,14 +14,15 @@ from ruamel.yaml.error import YAMLError
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError, shown
+from tubeplanner.fields import Section
 from tubeplanner.geometry.tube.segment_values import SEGMENT_NUMBERS, sign_of
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.task.field_changes import changed_problem
-from tubeplanner.task.fields import BaseFields, Section
 from tubeplanner.task.includes import ProblemLayers, is_named, merged_fields, move_paths
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import (
     PROBLEM_FORMAT,
+    BaseFields,
     EndpointFields,
     TubeFields,
     read_document,

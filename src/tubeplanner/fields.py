@@ -1,12 +1,134 @@
-"""Validation of a document against its model; pydantic's faults in terms of the file."""
+"""Fields of files: their types, sections, and faults in terms of the file.
 
+A field is declared once, in a dataclass of Python: its type, its default, its description, and its
+kind in files where that is narrower. `section_of` makes the section of a file from the dataclass.
+"""
+
+import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
 from tubeplanner.errors import MAX_SHOWN, ProblemError, shown, unknown_name
-from tubeplanner.task.fields import Section
+
+# ---- Types of fields: strict, so that text is no number.
+
+
+class Section(BaseModel):
+    """A map with known keys."""
+
+    # Built once, as part of the file's model, rather than for each section at import.
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+
+class DeclaredSection(Section):
+    """A section with the declared fields of a dataclass, which `section_of` adds."""
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+
+_Section = TypeVar("_Section", bound=Section)
+
+
+def one_of(is_accepted: Callable[[Any], bool], kinds: str) -> BeforeValidator:
+    """Return a validator with one message for all alternatives of a field.
+
+    Args:
+        is_accepted: Returns True for a value of an accepted kind.
+        kinds: The accepted kinds, for the message.
+    """
+
+    def validated(value: Any) -> Any:
+        if not is_accepted(value):
+            raise ValueError(f"it must be {kinds}")
+        return value
+
+    return BeforeValidator(validated)
+
+
+def no_flag(value: object) -> object:
+    """Raise if a number is true or false: in Python these are 1 and 0."""
+    if isinstance(value, bool):
+        raise ValueError("true and false are no numbers")
+    return value
+
+
+def is_plain_number(value: object) -> bool:
+    """Return True if a value of a file is a number."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def is_pair(value: object) -> bool:
+    """Return True if a value of a file is a list of two numbers."""
+    return isinstance(value, list | tuple) and len(value) == 2 and all(map(is_plain_number, value))
+
+
+Finite: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Number: TypeAlias = Annotated[float, Field(strict=True)]
+Vector: TypeAlias = tuple[Finite, Finite, Finite]
+Quaternion: TypeAlias = tuple[Finite, Finite, Finite, Finite]
+Range: TypeAlias = tuple[Number, Number]
+Flag: TypeAlias = Annotated[bool, Field(strict=True)]
+Version: TypeAlias = Annotated[Literal[1], BeforeValidator(no_flag)]
+
+
+# ---- Fields of dataclasses that files have too.
+
+
+def declaration(description: str, kind: Any = None, default: Any = ..., **more: Any) -> Any:
+    """Return the metadata of a field of a dataclass that a section of a file has too.
+
+    Args:
+        description: In the JSON schema, with the unit in brackets.
+        kind: Type in files; None: that of the dataclass.
+        default: In files; ...: required.
+        **more: Further properties of the field.
+    """
+    return {"description": description, "kind": kind, "default": default, **more}
+
+
+def declared(default: Any, description: str, kind: Any = None, **more: Any) -> Any:
+    """Return a field of a dataclass with a default, a tuple for the list of a file.
+
+    Other arguments as of `declaration`.
+    """
+    metadata = declaration(description, kind, default, **more)
+    if isinstance(default, dict):
+        return dataclasses.field(default_factory=dict, metadata=metadata)
+    of_python = tuple(default) if isinstance(default, list) else default
+    return dataclasses.field(default=of_python, metadata=metadata)
+
+
+def section_of(kind: Any, *order: str) -> Callable[[type[_Section]], type[_Section]]:
+    """Return a decorator that adds the declared fields of a dataclass to a section.
+
+    Args:
+        kind: The dataclass.
+        *order: Names of the fields in the section's order; none: the dataclass' order.
+    """
+    fields: dict[str, Any] = {}
+    for name in order or kind.__dataclass_fields__:
+        own = kind.__dataclass_fields__[name]
+        values = own.metadata
+        field = Field(values["default"], description=values["description"])
+        fields[name] = (values["kind"] or own.type, field)
+
+    def decorated(section: type[_Section]) -> type[_Section]:
+        return create_model(
+            section.__name__,
+            __base__=section,
+            __doc__=section.__doc__,
+            __module__=section.__module__,
+            **fields,
+        )
+
+    return decorated
+
+
+# ---- Pydantic's faults in terms of the file.
 
 _Path = tuple[int | str, ...]
 
@@ -126,16 +248,13 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
     return [model for argument in get_args(annotation) for model in _models_in(argument)]
 
 
-_Fields = TypeVar("_Fields", bound=Section)
-
-
 def check_fields(
-    model: type[_Fields],
+    model: type[_Section],
     data: object,
     what: str,
     source: str,
     source_of: Callable[[Any, Sequence[int | str]], str] | None,
-) -> _Fields:
+) -> _Section:
     """Check nested dictionaries and lists against a model, and return the model's fields.
 
     Args:
