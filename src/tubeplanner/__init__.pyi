@@ -74,8 +74,8 @@ from .task.motion import CycleMotion as CycleMotion
 from .task.motion import read_cycle_motion as read_cycle_motion
 from .output.files.trajectory_writer import write_cycle_motion as write_cycle_motion
 from .trajectory.parts import Mark as Mark
-from .certificate.cycle_verification import verify_cycle as verify_cycle
-from .certificate.cycle_verification import CycleCertificate as CycleCertificate  # returned
+from .certificate.verification import verify_cycle as verify_cycle
+from .certificate.verification import CycleCertificate as CycleCertificate  # returned
 
 # Tubes from what you have
 from .studies.tubes.measurement import measure_tube as measure_tube

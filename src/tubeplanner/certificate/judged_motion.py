@@ -80,6 +80,12 @@ class JudgedCondition:
     where: Location
     coverage: str
 
+    @property
+    def shown_margin(self) -> str:
+        """The margin in messages, with its unit."""
+        unit = "" if self.unit == RELATIVE else f" {self.unit}"
+        return f"margin {self.margin:.3g}{unit}"
+
     def holds(self, tolerance: Tolerance) -> bool:
         """Return True if the condition holds or does not apply."""
         return self.margin is None or self.margin >= -tolerance.of(self.unit)

@@ -6,9 +6,8 @@ from typing import Any
 
 import click
 
-from tubeplanner.certificate.cycle_verification import verify_cycle
 from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE, Tolerance
-from tubeplanner.certificate.verification import Certificate, verify
+from tubeplanner.certificate.verification import Certificate, verify, verify_cycle
 from tubeplanner.cli import console
 from tubeplanner.cli.report import (
     certificate_text,

@@ -9,9 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tubeplanner.certificate.cycle_verification import CycleCertificate
 from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition, Tolerance
-from tubeplanner.certificate.verification import CONDITION_NAMES, Certificate
+from tubeplanner.certificate.verification import CONDITION_NAMES, Certificate, CycleCertificate
 from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED
 from tubeplanner.geometry.collision_checker import ALWAYS_TOUCHING
 from tubeplanner.geometry.link_pairs import TOUCH_SAMPLES

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.certificate.cycle_verification import CycleCertificate
+from tubeplanner.certificate.verification import CycleCertificate
 from tubeplanner.errors import FormerName
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.outcome import Location, PlanStatus, StoppedBy

@@ -6,8 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from tubeplanner.certificate.cycle_verification import verify_cycle
-from tubeplanner.certificate.verification import judged_visits
+from tubeplanner.certificate.verification import judged_visits, verify_cycle
 from tubeplanner.checks import checked_options
 from tubeplanner.outcome import (
     Infeasible,

@@ -58,9 +58,14 @@ class Leg:
     robot: RobotModel
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its moves."""
+        return tuple(move.name for move in self.moves)
+
+    @property
     def name(self) -> str:
         """Names of its moves, for messages."""
-        return ", ".join(move.name for move in self.moves)
+        return ", ".join(self.names)
 
     @property
     def first_segments(self) -> tuple[int, ...]:

@@ -42,9 +42,7 @@ class MotionSection:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the moves, or of the problem."""
-        if self.leg is None:
-            return (self.problem.name,)
-        return tuple(move.name for move in self.leg.moves)
+        return (self.problem.name,) if self.leg is None else self.leg.names
 
     def inside(self, time: FloatArray) -> IntArray:
         """Return the indices of the times (K,) [s] of the whole motion that are in the section."""

@@ -9,7 +9,7 @@ from shown_cycle import data_of, motion_of, shown_cycle
 from stored_trajectories import REFINEMENT
 
 from tubeplanner import LimitOverrides, Payload, load_robot, verify
-from tubeplanner.certificate.cycle_verification import verify_cycle
+from tubeplanner.certificate.verification import verify_cycle
 from tubeplanner.optimizer.stages import Sensitivity
 from tubeplanner.output.page.cycle_page import view_cycle
 from tubeplanner.output.page.verdict import limit_sources

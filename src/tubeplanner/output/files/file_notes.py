@@ -6,9 +6,8 @@ from functools import partial
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.certificate.cycle_verification import CycleCertificate, verify_cycle
 from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE, Tolerance
-from tubeplanner.certificate.verification import Certificate, verify
+from tubeplanner.certificate.verification import Certificate, CycleCertificate, verify, verify_cycle
 from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.output.files.fingerprint import (
     CARRIED,

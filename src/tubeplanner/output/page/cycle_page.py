@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
-from tubeplanner.certificate.cycle_verification import CycleCertificate
+from tubeplanner.certificate.verification import CycleCertificate
 from tubeplanner.errors import OptionError
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.convex_shapes import ConvexShape

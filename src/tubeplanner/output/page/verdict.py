@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from tubeplanner import __version__
-from tubeplanner.certificate.cycle_verification import CycleCertificate
 from tubeplanner.certificate.judged_motion import FOR_ALL_TIMES
-from tubeplanner.certificate.verification import Certificate
+from tubeplanner.certificate.verification import Certificate, CycleCertificate
 from tubeplanner.limits.peaks import trajectory_peaks
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
