@@ -67,9 +67,9 @@ from .task.steps import Move as Move
 from .task.steps import Event as Event
 from .task.steps import Attach as Attach
 from .task.steps import Detach as Detach
-from .planning.cycle_strategy import plan_cycle as plan_cycle
-from .planning.cycle_result import CycleResult as CycleResult  # returned
-from .planning.cycle_result import CycleSensitivity as CycleSensitivity  # returned
+from .planning.strategy import plan_cycle as plan_cycle
+from .planning.result import CycleResult as CycleResult  # returned
+from .planning.result import CycleSensitivity as CycleSensitivity  # returned
 from .task.motion import CycleMotion as CycleMotion
 from .task.motion import read_cycle_motion as read_cycle_motion
 from .output.files.trajectory_writer import write_cycle_motion as write_cycle_motion

@@ -12,7 +12,7 @@ from tubeplanner.cli import compare as comparison_report
 from tubeplanner.cli import report
 from tubeplanner.cli.report import cycle_plan_text
 from tubeplanner.geometry.collision_checker import LeftOutPair
-from tubeplanner.planning.cycle_result import CycleSensitivity
+from tubeplanner.planning.result import CycleSensitivity
 
 METHODS = ("stop-at-corners", "conventional", "smoothed-arc-corners")
 MEASURES = ["planned in", "smooth", "peak jerk", "at a limit", "tube used"]

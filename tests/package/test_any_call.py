@@ -18,7 +18,7 @@ import tubeplanner as t
 from tubeplanner.cli import console
 from tubeplanner.cli.main import main
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
-from tubeplanner.planning import strategy as planner
+from tubeplanner.planning import legs
 from tubeplanner.planning.result import refused_result
 from tubeplanner.studies import change_trials as trials
 from tubeplanner.studies import comparison, placement, study_run
@@ -158,7 +158,7 @@ def nothing_is_planned():
         for module in (placement, plan_many_module, study_run):
             patch.setattr(module, "WorkerProcesses", lambda: nullcontext(Here()))
         patch.setattr(console, "workers_of", lambda *arguments: nullcontext(None))
-        patch.setattr(planner, "_shortest", refused)
+        patch.setattr(legs, "_shortest", refused)
         patch.setattr(tube_measurement, "_segments_of_some_branch", raises)
         patch.setattr(teach_module, "_corners", raises)
         patch.setattr(route, "goal_configurations", raises)

@@ -5,7 +5,7 @@ import pytest
 from small_cycle import cycle_of, move
 
 from tubeplanner import PlanOptions
-from tubeplanner.planning.cycle_strategy import plan_cycle
+from tubeplanner.planning.strategy import plan_cycle
 from tubeplanner.task.cycle_file import parse_cycle
 
 HOME = [-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0]

@@ -22,8 +22,8 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.outcome import PlanningClock, Progress
-from tubeplanner.planning import cycle_strategy
-from tubeplanner.planning.strategy import shortest_plan
+from tubeplanner.planning import strategy
+from tubeplanner.planning.legs import _first_answer
 from tubeplanner.resources import bundled_cycles
 from tubeplanner.task.cycle_file import load_cycle
 
@@ -127,7 +127,7 @@ def test_a_note_on_every_move_is_there_once_without_their_names(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # The plan of a leg repeats the notes on its robot.
-    monkeypatch.setattr(cycle_strategy, "robot_notes", lambda _: ("of the robot", "of the robot"))
+    monkeypatch.setattr(strategy, "robot_notes", lambda _: ("of the robot", "of the robot"))
     notes = plan_cycle(two_moves(), SHORTEST, shares_configurations=False).notes
     assert [note for note in notes if "of the robot" in note] == ["of the robot"]
 
@@ -221,9 +221,9 @@ def test_every_move_has_its_share_of_the_time_limit(monkeypatch: pytest.MonkeyPa
         assert options.time_limit is not None
         assert clock.remaining <= options.time_limit
         given.append(options.time_limit)
-        return shortest_plan(problem, options, clock)
+        return _first_answer(problem, options, clock)
 
-    monkeypatch.setattr("tubeplanner.planning.cycle_legs.shortest_plan", noting)
+    monkeypatch.setattr("tubeplanner.planning.legs._first_answer", noting)
     plan_cycle(three_moves(), replace(SHORTEST, time_limit=1000.0), shares_configurations=False)
     # Twice what would be left to each of the others.
     assert all(limit <= most for limit, most in zip(given, (500, 667, 1000), strict=True))

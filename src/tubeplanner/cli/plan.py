@@ -21,9 +21,9 @@ from tubeplanner.output.files.trajectory_writer import (
     cycle_contents,
     require_no_formula,
 )
-from tubeplanner.planning.cycle_strategy import plan_cycle
 from tubeplanner.planning.options import METHODS, PlanOptions
 from tubeplanner.planning.strategy import plan as plan_problem
+from tubeplanner.planning.strategy import plan_cycle
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.writing import require_writable

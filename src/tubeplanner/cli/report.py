@@ -26,8 +26,7 @@ from tubeplanner.task.side_files import fitting_presets
 from tubeplanner.text import savings
 
 if TYPE_CHECKING:
-    from tubeplanner.planning.cycle_result import CycleResult, LegPlan
-    from tubeplanner.planning.result import PlanResult
+    from tubeplanner.planning.result import CycleResult, LegPlan, PlanResult
 
 # ---- Plans and certificates as text for a terminal.
 

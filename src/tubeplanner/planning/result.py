@@ -1,7 +1,7 @@
-"""PlanResult: certified, refused or stopped; proof or search behind a refusal."""
+"""PlanResult and CycleResult: certified, refused or stopped; proof or search of a refusal."""
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, asdict, dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.refusal import refusal
-from tubeplanner.certificate.verification import Certificate
+from tubeplanner.certificate.verification import Certificate, CycleCertificate
 from tubeplanner.certificate.verification import quick_certificate as verify
 from tubeplanner.errors import FormerName
 from tubeplanner.first_guess.branch_and_bound import SearchStatistics
@@ -23,7 +23,10 @@ from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus,
 from tubeplanner.planning.notes import contact_notes, path_minimum
 from tubeplanner.planning.tightening import Survival
 from tubeplanner.robot.notes import robot_notes, unlimited_notes
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.motion import CycleMotion, move_rows
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import in_milliseconds
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _MAX_MESSAGE = 200  # [characters] in the representation
@@ -39,31 +42,91 @@ def _no_trajectory() -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class PlanResult:
-    """The result of planning: a certified trajectory, or the reason why there is none.
+class TaskResult:
+    """The result of planning a problem or a cycle: a certified motion, or the reason without it.
 
     Attributes:
         status: Success means that the certificate passed.
         message: One sentence: the answer, or the reason without an answer.
-        location: Place of that reason.
+        location: Place of that reason, of a cycle with the move.
         method: The method of the answer: one of `METHODS`.
-        trajectory: The answer; None unless successful.
-        certificate: Certificate of the answer, or of the best attempt; None without an attempt.
-        planning_time: Wall time from the loaded problem to the certified result [s].
+        planning_time: Wall time from the loaded task to the certified result [s].
         certificate_time: Part of the planning time for the answer's certificate [s].
-        search: Statistics of branch and bound; None if it did not run.
-        phase_two: Statistics of phase 2 of "suh-bishop"; None if it did not run.
         stopped_by: "time_limit" or "interrupt" if planning was stopped early; None otherwise.
         notes: Further information about the answer.
+        proved: True if it is proved that there is no answer; False if no answer was found; None if
+            there is an answer, or planning was stopped.
+        starts_tried: Number of configurations or branches from which the search failed; None
+            unless `proved` is False.
+    """
+
+    status: PlanStatus
+    message: str
+    location: Location
+    method: str
+    _: KW_ONLY
+    planning_time: float = 0.0
+    certificate_time: float = 0.0
+    stopped_by: StoppedBy | None = None
+    notes: tuple[str, ...] = ()
+    proved: bool | None = None
+    starts_tried: int | None = None
+
+    place = FormerName("location")
+
+    def __repr__(self) -> str:
+        name, message = type(self).__name__, self.message[:_MAX_MESSAGE]
+        return f"<{name} {self.status.value} by {self.method}: {message}>"
+
+    @property
+    def succeeded(self) -> bool:
+        """True if there is a certified motion."""
+        return self.status is PlanStatus.SUCCESS
+
+    def _as_dict(self, **more: Any) -> dict[str, Any]:
+        """Return the fields of the command line's JSON in their order, with those of a kind."""
+        values = {
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.location.as_dict(),
+            "proved": self.proved,
+            "starts_tried": self.starts_tried,
+            "planning_time": self.planning_time,
+            "certificate_time": self.certificate_time,
+            "stopped_by": self.stopped_by,
+            "method": self.method,
+            "build": LIBRARY.build,
+            "notes": list(self.notes),
+            **more,
+        }
+        return {name: values[name] for name in _JSON_FIELDS if name in values}
+
+
+# Of the command line's JSON, in order.
+_JSON_FIELDS = (
+    *("status", "message", "where", "proved", "starts_tried"),
+    *("duration", "shortest_duration", "greedy_duration", "phase1_duration"),
+    *("planning_time", "certificate_time", "stopped_by"),
+    *(each.name for each in fields(TrajectoryPeaks)),
+    *("method", "build", "moves", "marks", "notes", "sensitivities", "search", "phase_two"),
+    *("certificate", "robustness"),
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanResult(TaskResult):
+    """The result of planning: a certified trajectory, or the reason why there is none.
+
+    Attributes:
+        trajectory: The answer; None unless successful.
+        certificate: Certificate of the answer, or of the best attempt; None without an attempt.
+        search: Statistics of branch and bound; None if it did not run.
+        phase_two: Statistics of phase 2 of "suh-bishop"; None if it did not run.
         sensitivities: Cost of every limit, largest first; empty unless the answer is refinement's.
         motion: Start of `Planner.replan`; None unless the answer is refinement's.
         shortest: The shortest certified trajectory, if the answer is another one that takes a
             little longer; None if the answer is the shortest.
         survival: Survival of the answer in simulation; None unless field robustness asks for it.
-        proved: True if it is proved that there is no answer; False if no answer was found; None if
-            there is an answer, or planning was stopped.
-        starts_tried: Number of configurations or branches from which the search failed; None
-            unless `proved` is False.
         configuration: Configuration of the arm at the place, shape (n,) [rad or m]; None if not
             known.
         path_minimum: The least time [s] in which motors that switch at once could run the answer's
@@ -73,32 +136,17 @@ class PlanResult:
             on first use; None without an answer.
     """
 
-    status: PlanStatus
-    message: str
-    location: Location
-    method: str
     trajectory: JointTrajectory | None = None
     certificate: Certificate | None = None
-    planning_time: float = 0.0
-    certificate_time: float = 0.0
     search: SearchStatistics | None = None
     phase_two: PhaseTwoStatistics | None = None
-    stopped_by: StoppedBy | None = None
-    notes: tuple[str, ...] = ()
     sensitivities: tuple[Sensitivity, ...] = ()
     motion: RefinedMotion | None = None
     shortest: JointTrajectory | None = None
     survival: Survival | None = None
-    proved: bool | None = None
-    starts_tried: int | None = None
     configuration: FloatArray | None = None
     _path_minimum: Callable[[], float | None] = _no_trajectory
     _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
-
-    place = FormerName("location")
-
-    def __repr__(self) -> str:
-        return f"<PlanResult {self.status.value} by {self.method}: {self.message[:_MAX_MESSAGE]}>"
 
     @cached_property
     def path_minimum(self) -> float | None:
@@ -109,11 +157,6 @@ class PlanResult:
     def peaks(self) -> TrajectoryPeaks | None:
         """Largest joint acceleration, tool speed and tool acceleration of the answer."""
         return self._peaks()
-
-    @property
-    def succeeded(self) -> bool:
-        """True if there is a certified trajectory."""
-        return self.status is PlanStatus.SUCCESS
 
     @property
     def duration(self) -> float | None:
@@ -132,28 +175,17 @@ class PlanResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields of the command line's JSON, but for loading_time and path_minimum."""
-        return {
-            "status": str(self.status),
-            "message": self.message,
-            "where": self.location.as_dict(),
-            "proved": self.proved,
-            "starts_tried": self.starts_tried,
-            "duration": self.duration,
-            "shortest_duration": self.shortest_duration,
-            "phase1_duration": self.phase1_duration,
-            "planning_time": self.planning_time,
-            "certificate_time": self.certificate_time,
-            "stopped_by": self.stopped_by,
+        return self._as_dict(
+            duration=self.duration,
+            shortest_duration=self.shortest_duration,
+            phase1_duration=self.phase1_duration,
             **peaks_as_dict(self.peaks),
-            "method": self.method,
-            "build": LIBRARY.build,
-            "notes": list(self.notes),
-            "sensitivities": [asdict(sensitivity) for sensitivity in self.sensitivities],
-            "search": None if self.search is None else self.search.as_dict(),
-            "phase_two": None if self.phase_two is None else self.phase_two.as_dict(),
-            "certificate": None if self.certificate is None else self.certificate.as_dict(),
-            "robustness": None if self.survival is None else self.survival.as_dict(),
-        }
+            sensitivities=[asdict(each) for each in self.sensitivities],
+            search=None if self.search is None else self.search.as_dict(),
+            phase_two=None if self.phase_two is None else self.phase_two.as_dict(),
+            certificate=None if self.certificate is None else self.certificate.as_dict(),
+            robustness=None if self.survival is None else self.survival.as_dict(),
+        )
 
 
 def refused_result(reason: Infeasible, method: str) -> PlanResult:
@@ -267,3 +299,152 @@ def with_diagnosis(result: PlanResult) -> PlanResult:
         plural = "s" if result.starts_tried > 1 else ""
         diagnosis = f"not found, {result.starts_tried} start{plural} tried"
     return replace(result, message=f"{result.message}; {diagnosis}")
+
+
+# ---- Plans of the legs of a cycle, and of the whole.
+
+
+@dataclass(frozen=True, eq=False)
+class LegPlan:
+    """The plan of one leg of a cycle.
+
+    Attributes:
+        problem: The leg's problem.
+        result: The certified answer, the shortest or the written motion.
+    """
+
+    problem: PlanningProblem
+    result: PlanResult
+
+    @property
+    def duration(self) -> float:
+        """Duration of the answer [s]."""
+        assert self.result.duration is not None
+        return self.result.duration
+
+    @property
+    def begin(self) -> FloatArray:
+        """First configuration, shape (n,) [rad or m]."""
+        assert self.result.trajectory is not None
+        return self.result.trajectory.position(0.0)
+
+    @property
+    def end(self) -> FloatArray:
+        """Last configuration, shape (n,) [rad or m]."""
+        assert self.result.trajectory is not None
+        return self.result.trajectory.position(self.result.trajectory.duration)
+
+    def between(self, problem: PlanningProblem) -> "LegPlan":
+        """Return the plan as a plan of a problem whose given ends are the plan's."""
+        motion = self.result.motion
+        if motion is not None and not motion.is_smoother:
+            motion = replace(motion, problem=problem.joined)
+        return LegPlan(problem, replace(self.result, motion=motion))
+
+
+class BlockedLeg(Exception):
+    """A leg has no answer.
+
+    Attributes:
+        leg: The leg's index.
+        result: The refusal.
+    """
+
+    def __init__(self, leg: int, result: PlanResult) -> None:
+        super().__init__(result.message)
+        self.leg, self.result = leg, result
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CycleResult(TaskResult):
+    """The result of planning a cycle: a certified motion of all moves, or the reason without it.
+
+    Attributes:
+        motion: The answer; None unless successful.
+        certificate: Certificate of the answer, or of a failed attempt; None without an attempt.
+        legs: The plan of every leg of the answer.
+        greedy_duration: Duration of the moves planned alone, each from the end of the last one,
+            dwells included [s]; None if that led nowhere.
+        sensitivities: Cost of every limit over the cycle, largest first; limits of segments name
+            their move.
+    """
+
+    motion: CycleMotion | None = None
+    certificate: CycleCertificate | None = None
+    legs: tuple[LegPlan, ...] = ()
+    greedy_duration: float | None = None
+    sensitivities: tuple["CycleSensitivity", ...] = ()
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the cycle, dwells included [s]; None without a motion."""
+        return None if self.motion is None else self.motion.trajectory.duration
+
+    @property
+    def shortest_duration(self) -> float | None:
+        """Duration by the shortest motions, dwells included [s]; None without a motion."""
+        if self.duration is None:
+            return None
+        excess = [leg.duration - (leg.result.shortest_duration or 0.0) for leg in self.legs]
+        return self.duration - sum(excess)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time."""
+        motion = self.motion
+        return self._as_dict(
+            duration=self.duration,
+            shortest_duration=self.shortest_duration,
+            greedy_duration=self.greedy_duration,
+            phase1_duration=None,
+            moves=[] if motion is None else move_rows(motion),
+            marks=[] if motion is None else [mark.as_dict() for mark in motion.marks],
+            sensitivities=[asdict(each) for each in self.sensitivities],
+            certificate=None if self.certificate is None else self.certificate.as_dict(),
+        )
+
+
+@dataclass(frozen=True)
+class CycleSensitivity:
+    """The cost of one limit over a cycle, with the ends of all moves fixed.
+
+    Attributes:
+        limit: As of a `Sensitivity`.
+        joint: As of a `Sensitivity`.
+        move: The move of a tolerance; None for limits of joints, which count in all moves.
+        segment: The segment of that move, or the first of joined ones; None for others.
+        saved: Time saved by 10 % more [s], to first order.
+        last_segment: The last of joined segments; None for others.
+    """
+
+    limit: str
+    joint: str | None
+    move: str | None
+    segment: int | None
+    saved: float
+    last_segment: int | None = None
+
+    def __str__(self) -> str:
+        location = self.joint or f"move '{self.move}'"
+        if self.last_segment not in (None, self.segment):
+            location = f"segments {self.segment} to {self.last_segment} of {location}"
+        elif self.segment is not None:
+            location = f"segment {self.segment} of {location}"
+        return f"{self.limit} of {location}: {in_milliseconds(self.saved)}"
+
+
+def cycle_sensitivities(cycle: Cycle, plans: Sequence[LegPlan]) -> tuple[CycleSensitivity, ...]:
+    """Return the costs of all limits over a cycle, largest first: sums over its moves."""
+    saved: dict[tuple[str, str | None, str | None, int | None, int | None], float] = {}
+    for leg, plan in zip(cycle.legs, plans, strict=True):
+        for each in plan.result.sensitivities:
+            if each.joint is not None:  # a limit of all moves
+                location: tuple[str | None, int | None, int | None] = None, None, None
+            elif each.segment is None:
+                location = leg.name, None, None
+            else:
+                move, first, last = leg.segments_of_move(each.segment, each.last_segment)
+                location = move.name, first, last
+            key = (each.limit, each.joint, *location)
+            saved[key] = saved.get(key, 0.0) + each.saved
+    sums = [CycleSensitivity(*key[:4], value, key[4]) for key, value in saved.items()]
+    return tuple(sorted(sums, key=lambda each: -each.saved))

@@ -1,18 +1,18 @@
-"""Planner and `plan`: configurations of poses, attempts, and the written motion."""
+"""Plan and plan_cycle: the shortest motion of every leg, then the written and certified one."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from tubeplanner.certificate.verification import judged_visits, verify_cycle
 from tubeplanner.checks import checked_options
 from tubeplanner.errors import OptionError
 from tubeplanner.execution.mujoco_model import require_mujoco, require_no_followers
-from tubeplanner.first_guess.branches import configured_ends, is_continued, least_time, other_ends
 from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.outcome import (
-    Infeasible,
+    Location,
     PlanningClock,
     PlanStatus,
     ProgressCallback,
@@ -20,13 +20,24 @@ from tubeplanner.outcome import (
     until_stopped,
 )
 from tubeplanner.planning.attempts import attempted_plan
-from tubeplanner.planning.necessary_conditions import require_within_bound
+from tubeplanner.planning.legs import of_poses, shared_plan, shortest_legs
 from tubeplanner.planning.options import QUALITIES, REFINEMENT, PlanOptions
-from tubeplanner.planning.result import PlanResult, refused_result, stopped_result, with_diagnosis
+from tubeplanner.planning.result import (
+    BlockedLeg,
+    CycleResult,
+    LegPlan,
+    PlanResult,
+    cycle_sensitivities,
+    with_diagnosis,
+)
 from tubeplanner.planning.robust_plan import robust_plan
 from tubeplanner.planning.second_stage import followed_plan
 from tubeplanner.robot.notes import robot_notes
-from tubeplanner.task.info import problem_doubts
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.demands import SMOOTHNESS, Objective
+from tubeplanner.task.info import cycle_doubts, problem_doubts
+from tubeplanner.task.legs import Leg
+from tubeplanner.task.motion import LegMotion, cycle_motion
 from tubeplanner.task.problem import PlanningProblem
 
 
@@ -103,210 +114,27 @@ class Planner:
         """Return the answer, from the last motion if given, and remember the answer's motion."""
         options = self._options
         clock = PlanningClock(options.time_limit, progress)
-        doubts = problem_doubts(self._problem)
+        task, doubts = self._problem, problem_doubts(self._problem)
         try:
-            problem, result = _fastest(self._problem, options, clock, last)
-        except Infeasible as reason:
-            refused = with_diagnosis(refused_result(reason, options.method))
-            return replace(refused, notes=(*doubts, *robot_notes(self._problem.robot)))
-        if result.stopped_by is None:  # else it may have ended on coarse knots
-            self._last = result.motion or self._last
-        follow = partial(followed_plan, slack=options.slack, clock=clock)
-        if options.robust and problem.robustness is not None:
-            again = partial(attempted_plan, options=options, clock=clock)
-            result = robust_plan(problem.joined, result, again, follow, clock)
-        else:
-            result = follow(problem, result)
-        robot = robot_notes(problem.robot)
-        notes = (*robot, *problem.tube.notes, *doubts, *result.notes)
-        result = with_diagnosis(_of_poses(self._problem, result))
+            (shortest,) = shortest_legs(task, options, clock, last)
+        except BlockedLeg as blocked:
+            refused = with_diagnosis(blocked.result)
+            return replace(refused, notes=(*doubts, *robot_notes(task.robot)))
+        if shortest.result.stopped_by is None:  # else it may have ended on coarse knots
+            self._last = shortest.result.motion or self._last
+        result, problem = _written(shortest, options, clock), shortest.problem
+        notes = (*robot_notes(problem.robot), *problem.tube.notes, *doubts, *result.notes)
+        result = with_diagnosis(of_poses(task, result))
         return replace(result, planning_time=clock.elapsed, notes=tuple(dict.fromkeys(notes)))
 
 
-def shortest_plan(
-    problem: PlanningProblem, options: PlanOptions, clock: PlanningClock
-) -> PlanResult:
-    """Return the shortest motion, without period, slack and robustness.
-
-    Of several configurations of a pose, the first one that leads to an answer: a move after it is
-    to go on from there.
-
-    Args:
-        problem: The planning problem.
-        options: Options of planning; the time limit is the clock's.
-        clock: The planning's.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C before anything was certified.
-    """
-    try:
-        _, result = _fastest(problem, options, clock, None, takes_first=True)
-    except Infeasible as reason:
-        return refused_result(reason, options.method)
-    return _of_poses(problem, result)
-
-
-def _fastest(
-    problem: PlanningProblem,
-    options: PlanOptions,
-    clock: PlanningClock,
-    last: RefinedMotion | None,
-    *,
-    takes_first: bool = False,
-) -> tuple[PlanningProblem, PlanResult]:
-    """Return the problem between the configurations with the fastest motion, and its result.
-
-    Each of the configurations of poses from which a branch leads along the tube is planned, but for
-    those whose joints need longer than the fastest motion takes; the others where these have no
-    answer. One after the other: the answer does not depend on timing.
-
-    Args:
-        problem: The planning problem.
-        options: Without `persistent`, the first configuration with an answer is taken.
-        clock: The planning's.
-        last: The motion to begin with: the first configuration with an answer is taken, from the
-            nearest on.
-        takes_first: As without `persistent`.
-
-    Raises:
-        Infeasible: A point is out of reach, proved, or a pose has no configuration.
-        KeyboardInterrupt: Ctrl-C before anything was certified.
-    """
-    require_within_bound(problem)
-    first, notes = configured_ends(problem)
-    others, count = other_ends(problem, first)
-    if not others:
-        result = _shortest(first, options, clock, last)
-        return first, replace(result, notes=(*notes, *result.notes))
-    takes_first = takes_first or last is not None or not options.persistent
-    if last is not None:
-        motion = last.spline.control_points[[0, -1]]
-
-        def away(each: PlanningProblem) -> float:
-            ends = zip(each.endpoints, motion, strict=True)
-            return sum(
-                float(abs(end.joints - q).max()) for end, q in ends if end.joints is not None
-            )
-
-        first, *others = sorted((first, *others), key=away)
-    quick = replace(options, persistent=False)
-    results: list[PlanResult] = []
-    best: tuple[PlanningProblem, PlanResult] | None = None
-    stopped_by: StoppedBy | None = None
-
-    def in_turn() -> Iterator[PlanningProblem]:
-        # Configurations from which no branch leads along the tube only where nothing else helps.
-        yield first
-        rest = []
-        for each in others:
-            if is_continued(each.joined):
-                yield each
-            else:
-                rest.append(each)
-        if best is None:
-            yield from rest
-
-    for number, each in enumerate(in_turn(), 1):
-        shortest = np.inf if best is None else best[1].duration or np.inf
-        if least_time(each) >= shortest:
-            continue
-        # Of the remaining time twice as much as would remain for each further one.
-        open_count = len(others) + 2 - number
-        limit = 2 * clock.remaining / (open_count + 1) if np.isfinite(clock.remaining) else None
-        try:
-            with clock.within(f"configurations {number} of {len(others) + 1}"):
-                result = _shortest(each, quick, PlanningClock(limit, clock.announce), last)
-        except KeyboardInterrupt:
-            if best is None:
-                raise
-            stopped_by = "interrupt"
-            break
-        results.append(result)
-        stopped_by = result.stopped_by or stopped_by
-        if (result.duration or np.inf) < shortest * (1 - _EQUAL):
-            best = each, result
-        if (best is not None and takes_first) or stopped_by == "interrupt" or clock.remaining <= 0:
-            break
-    if best is None and stopped_by is not None:
-        return first, stopped_result(clock, stopped_by, options.method)
-    if best is None:
-        best = first, results[0]
-        if options.persistent and results[0].status not in _SURE:
-            best = first, _shortest(first, options, clock, last)
-    result = _of_configurations(problem, best, results, count)
-    return best[0], replace(result, stopped_by=result.stopped_by or stopped_by)
-
-
-_EQUAL = 1e-6  # relative: of durations that differ by rounding alone the first counts
-# Refusals of a configuration itself.
-_SURE = (PlanStatus.GRAVITY_EXCEEDS_EFFORT,)
-
-
-def _of_configurations(
-    problem: PlanningProblem,
-    best: tuple[PlanningProblem, PlanResult],
-    results: list[PlanResult],
-    count: int,
-) -> PlanResult:
-    """Return the result of one of several configurations, with what the others led to.
-
-    Args:
-        problem: The problem with poses.
-        best: The problem and the result of the configurations that are taken.
-        results: Of all configurations that were planned.
-        count: The number of configurations that were found.
-    """
-    configured, result = best
-    kinds = zip(("start", "goal"), problem.endpoints, strict=True)
-    ends = [name for name, end in kinds if end.pose is not None and end.pose.seed is None]
-    whose = "its pose" if len(ends) == 1 else "their poses"
-    number = f"{len(results)} {'was' if len(results) == 1 else 'were'}"
-    of = f"{' and '.join(ends)}: of {count} configurations found for {whose} {number}"
-    if not result.succeeded:
-        starts = sum(each.starts_tried or 1 for each in results)
-        message = (
-            f"{result.message} (in the likeliest configuration); {of} tried, none has an answer"
-        )
-        return replace(result, message=message, proved=False, starts_tried=starts)
-    values = " and ".join(
-        f"[{', '.join(f'{x:.6g}' for x in np.round(getattr(configured, end), 6) + 0.0)}]"
-        for end in ends
-    )
-    durations = sorted(each.duration for each in results if each.duration is not None)
-    note = f"{of} planned: {values}"
-    if len(durations) > 1:
-        note += f" is the fastest, {durations[0]:.4f} s, {len(durations) - 1} others take up to "
-        note += f"{durations[-1]:.4f} s"
-    note += "; a seed or joint signs ask for another"
-    return replace(result, notes=(note, *result.notes))
-
-
-def _of_poses(problem: PlanningProblem, result: PlanResult) -> PlanResult:
-    """Return a result; a proof for a configuration chosen for a pose is none for the pose."""
-    ends = zip(problem.endpoints, problem.end_radii.tolist(), strict=True)
-    # A seed too leads to one of several configurations where the arm misses the point.
-    has_choice = any(end.pose is not None or (end.kind == "seed" and size) for end, size in ends)
-    if not (result.proved and has_choice):
-        return result
-    return replace(result, proved=False, starts_tried=1)
-
-
-def _shortest(
-    problem: PlanningProblem, options: PlanOptions, clock: PlanningClock, last: RefinedMotion | None
-) -> PlanResult:
-    """Return the shortest motion between configured ends; if stopped early, the best so far.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C before anything was certified.
-    """
-    result, stopped_by = until_stopped(
-        partial(attempted_plan, problem.joined, last, options, clock)
-    )
-    if result is None:
-        result = stopped_result(clock, stopped_by or "interrupt", options.method)
-    if result.status is PlanStatus.INTERRUPTED:
-        raise KeyboardInterrupt
-    return result
+def _written(shortest: LegPlan, options: PlanOptions, clock: PlanningClock) -> PlanResult:
+    """Return the written motion of a leg: robust, in whole periods, best by the objective."""
+    problem, follow = shortest.problem, partial(followed_plan, slack=options.slack, clock=clock)
+    if options.robust and problem.robustness is not None:
+        again = partial(attempted_plan, options=options, clock=clock)
+        return robust_plan(problem.joined, shortest.result, again, follow, clock)
+    return follow(problem, shortest.result)
 
 
 def require_supported(problem: PlanningProblem, options: PlanOptions) -> None:
@@ -362,3 +190,182 @@ def plan(
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     return Planner(problem, options).plan(progress)
+
+
+# ---- Cycles: the legs by the same driver, then one motion of all.
+
+_SAMPLES = 200
+
+
+def plan_cycle(
+    cycle: Cycle,
+    options: PlanOptions | None = None,
+    progress: ProgressCallback | None = None,
+    *,
+    shares_configurations: bool = True,
+) -> CycleResult:
+    """Plan and certify the motion of a whole cycle.
+
+    Moves are planned alone, in order, each from the end of the last one. Then the configurations
+    between moves, where a move ends openly, are chosen for the least sum of durations.
+
+    Args:
+        cycle: The cycle.
+        options: Options of planning for every move; the time limit is that of the whole.
+        progress: As of `plan`.
+        shares_configurations: False: moves stay as they were planned alone.
+
+    Returns:
+        A result whose status is success only if the certificate passed; else its message and place
+        name the move and the obstruction.
+
+    Raises:
+        OptionError: A slack is asked for that the method does not honour.
+        ProblemError: The cycle is no `Cycle`, or a move cannot begin at the end of the last one.
+        KeyboardInterrupt: Ctrl-C before all moves were certified.
+    """
+    Cycle.require(cycle)
+    options = checked_options(options, PlanOptions)
+    for k in range(len(cycle.legs)):
+        require_supported(cycle.problem_from_anywhere(k), options)
+    clock, doubts = PlanningClock(options.time_limit, progress), cycle_doubts(cycle)
+    try:
+        greedy = shortest_legs(cycle, options, clock)
+        shared, stopped_by = None, _stop_of(greedy)
+        if shares_configurations and stopped_by is None:
+            shared, stopped_by = until_stopped(partial(shared_plan, cycle, greedy, options, clock))
+        for plans in [shared, greedy] if shared else [greedy]:
+            result = _answer(cycle, plans, greedy, options, clock, stopped_by)
+            if result.succeeded:
+                break
+    except BlockedLeg as blocked:
+        result = _blocked(cycle, blocked, options, clock)
+    return replace(result, notes=(*doubts, *result.notes))
+
+
+def _answer(
+    cycle: Cycle,
+    plans: Sequence[LegPlan],
+    greedy: Sequence[LegPlan],
+    options: PlanOptions,
+    clock: PlanningClock,
+    stopped_by: StoppedBy | None,
+) -> CycleResult:
+    """Return the result of all legs from their shortest motions, judged as a single motion."""
+    if stopped_by is not None:  # then motions stay as they are, but for whole periods
+        plans = [
+            replace(plan, result=replace(plan.result, stopped_by=stopped_by)) for plan in plans
+        ]
+    shortest, plans = plans, []
+    for k, plan in enumerate(shortest):
+        problem = replace(plan.problem, start=plan.begin, goal=plan.end)
+        with clock.within(cycle.label(k)):
+            written = LegPlan(problem, _written(plan.between(problem), options, clock))
+        if not written.result.succeeded:
+            return _blocked(cycle, BlockedLeg(k, written.result), options, clock)
+        plans.append(written)
+    legs = zip(cycle.legs, plans, strict=True)
+    motion = cycle_motion(cycle, [leg_motion(leg, plan) for leg, plan in legs])
+    moves = sum(len(leg.moves) for leg in cycle.legs)
+    moving = sum(end - begin for begin, end in motion.leg_times)
+    begin = clock.elapsed
+    certificate = verify_cycle(cycle, motion)
+    dwells = motion.trajectory.duration - sum(plan.duration for plan in plans)
+    result = CycleResult(
+        PlanStatus.SUCCESS,
+        f"certified cycle of {motion.trajectory.duration:.4f} s: {moves} move{'s' * (moves > 1)} "
+        f"in {moving:.4f} s, {motion.trajectory.duration - moving:.4g} s at rest",
+        Location(),
+        options.method,
+        motion,
+        certificate,
+        tuple(plans),
+        greedy_duration=dwells + sum(plan.duration for plan in greedy),
+        planning_time=clock.elapsed,
+        certificate_time=clock.elapsed - begin,
+        stopped_by=stopped_by or _stop_of(plans),
+        sensitivities=cycle_sensitivities(cycle, plans),
+        notes=_notes(cycle, shortest, plans),
+    )
+    if certificate.passed:
+        return result
+    worst = certificate.failures()[0]
+    return replace(
+        result,
+        status=PlanStatus.CERTIFICATE_FAILED,
+        message=f"the certificate of the whole fails: {certificate.describe(worst)}",
+        motion=None,
+    )
+
+
+def leg_motion(leg: Leg, plan: LegPlan) -> LegMotion:
+    """Return the motion of a leg's successful plan, with the times at which its moves begin."""
+    trajectory = plan.result.trajectory
+    assert trajectory is not None
+    problem, numbers = plan.problem, plan.problem.joined.tube.numbers
+    begins: list[float] = []
+    for first in leg.first_segments[1:]:
+        visits = judged_visits(problem, trajectory)
+        k = int(np.searchsorted(numbers, first))
+        if numbers[k] == first:
+            begins.append(next(visit.begin for visit in visits if visit.segment >= k))
+            continue
+        # Segments on one line are joined: the sample nearest to the segment's first point counts.
+        inside = [visit for visit in visits if visit.segment == k - 1]
+        times = np.linspace(inside[0].begin, inside[-1].end, _SAMPLES)
+        tool = problem.robot.tool_position(trajectory.position(times))
+        point = problem.tube.points[np.searchsorted(problem.tube.numbers, first)]
+        begins.append(float(times[np.linalg.norm(tool - point, axis=1).argmin()]))
+    return LegMotion(trajectory, tuple(begins))
+
+
+def _blocked(
+    cycle: Cycle, blocked: BlockedLeg, options: PlanOptions, clock: PlanningClock
+) -> CycleResult:
+    """Return the result that a leg has no answer.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C stopped the leg's planning.
+    """
+    result, leg = with_diagnosis(blocked.result), cycle.legs[blocked.leg]
+    if result.status is PlanStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    where = cycle.label(blocked.leg)
+    if len(leg.moves) > 1:
+        where += " (segments are counted over all of them)"
+    return CycleResult(
+        result.status,
+        f"{where}: {result.message}",
+        leg.in_cycle(result.location, 0.0),
+        options.method,
+        planning_time=clock.elapsed,
+        stopped_by=result.stopped_by,
+        notes=result.notes,
+        proved=result.proved,
+        starts_tried=result.starts_tried,
+    )
+
+
+def _stop_of(plans: Sequence[LegPlan]) -> StoppedBy | None:
+    """Return the cause of the first early stop of the legs' planning, or None."""
+    return next((each for plan in plans if (each := plan.result.stopped_by) is not None), None)
+
+
+def _notes(cycle: Cycle, shortest: Sequence[LegPlan], plans: Sequence[LegPlan]) -> tuple[str, ...]:
+    """Return the notes on the written legs; a note of several legs once."""
+    names_by_note: dict[str, list[str]] = {}
+    for leg, plan in zip(cycle.legs, shortest, strict=True):
+        problem = plan.problem
+        own = (*robot_notes(problem.robot), *problem.tube.notes, *plan.result.notes)
+        for note in dict.fromkeys(own):
+            names_by_note.setdefault(note, []).append(leg.name)
+    notes = [
+        note if len(names) == len(cycle.legs) else f"move {', '.join(names)}: {note}"
+        for note, names in names_by_note.items()
+    ]
+    if any(p.duration > s.duration for s, p in zip(shortest, plans, strict=True)):
+        objectives = {(each.problem.objective or Objective()).minimise for each in plans}
+        done = "smoothed" if objectives == {SMOOTHNESS} else "better by the objective"
+        least, total = sum(p.duration for p in shortest), sum(p.duration for p in plans)
+        notes.append(f"{done}: moves of {total:.4f} s; the shortest are {least:.4f} s (--slack 0)")
+    return tuple(notes)

@@ -22,11 +22,9 @@ from tubeplanner.outcome import (
     TimeLimitReached,
     require_callback,
 )
-from tubeplanner.planning.cycle_result import CycleResult
-from tubeplanner.planning.cycle_strategy import plan_cycle
 from tubeplanner.planning.options import PlanOptions
-from tubeplanner.planning.result import PlanResult
-from tubeplanner.planning.strategy import plan
+from tubeplanner.planning.result import CycleResult, PlanResult
+from tubeplanner.planning.strategy import plan, plan_cycle
 from tubeplanner.resources import EXAMPLE_PREFIX
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.worker_processes import WorkerProcesses

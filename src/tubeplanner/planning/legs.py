@@ -1,15 +1,22 @@
-"""Plans of a cycle's legs: in order, with other end configurations, all together."""
+"""Plans of legs: between configurations of poses, in order, and all together."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
-from tubeplanner.first_guess.branches import end_configuration, is_continued
+from tubeplanner.first_guess.branches import (
+    configured_ends,
+    end_configuration,
+    is_continued,
+    least_time,
+    other_ends,
+)
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.pose_configurations import is_free, spread_seeds
 from tubeplanner.first_guess.segment_walk import wanted_at
@@ -23,22 +30,192 @@ from tubeplanner.outcome import (
     PlanningClock,
     PlanStatus,
     Progress,
+    StoppedBy,
+    until_stopped,
 )
-from tubeplanner.planning.cycle_result import BlockedLeg, LegPlan
+from tubeplanner.planning.attempts import attempted_plan
+from tubeplanner.planning.necessary_conditions import require_within_bound
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.refined_plan import continued_plan
-from tubeplanner.planning.result import refused_result, stopped_result
-from tubeplanner.planning.strategy import shortest_plan
+from tubeplanner.planning.result import (
+    BlockedLeg,
+    LegPlan,
+    PlanResult,
+    refused_result,
+    stopped_result,
+)
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.endpoints import GoalRegion
+from tubeplanner.task.motion import Task
 from tubeplanner.task.problem import PlanningProblem
+
+# ---- The shortest motion of a leg, whose poses have several configurations.
+
+
+def fastest_leg(
+    problem: PlanningProblem,
+    options: PlanOptions,
+    clock: PlanningClock,
+    last: RefinedMotion | None = None,
+    *,
+    takes_first: bool = False,
+) -> LegPlan:
+    """Return the shortest motion, without period, slack and robustness, between its configurations.
+
+    Each of the configurations of poses from which a branch leads along the tube is planned, but for
+    those whose joints need longer than the fastest motion takes; the others where these have no
+    answer. One after the other: the answer does not depend on timing.
+
+    Args:
+        problem: The planning problem.
+        options: Without `persistent`, the first configuration with an answer is taken.
+        clock: The planning's.
+        last: The motion to begin with: the first configuration with an answer is taken, from the
+            nearest on.
+        takes_first: As without `persistent`: a move after it is to go on from there.
+
+    Raises:
+        Infeasible: A point is out of reach, proved, or a pose has no configuration.
+        KeyboardInterrupt: Ctrl-C before anything was certified.
+    """
+    require_within_bound(problem)
+    first, notes = configured_ends(problem)
+    others, count = other_ends(problem, first)
+    if not others:
+        result = _shortest(first, options, clock, last)
+        return LegPlan(first, replace(result, notes=(*notes, *result.notes)))
+    takes_first = takes_first or last is not None or not options.persistent
+    if last is not None:
+        motion = last.spline.control_points[[0, -1]]
+
+        def away(each: PlanningProblem) -> float:
+            ends = zip(each.endpoints, motion, strict=True)
+            return sum(
+                float(abs(end.joints - q).max()) for end, q in ends if end.joints is not None
+            )
+
+        first, *others = sorted((first, *others), key=away)
+    quick = replace(options, persistent=False)
+    results: list[PlanResult] = []
+    best: LegPlan | None = None
+    stopped_by: StoppedBy | None = None
+
+    def in_turn() -> Iterator[PlanningProblem]:
+        # Configurations from which no branch leads along the tube only where nothing else helps.
+        yield first
+        rest = []
+        for each in others:
+            if is_continued(each.joined):
+                yield each
+            else:
+                rest.append(each)
+        if best is None:
+            yield from rest
+
+    for number, each in enumerate(in_turn(), 1):
+        shortest = np.inf if best is None else best.duration
+        if least_time(each) >= shortest:
+            continue
+        # Of the remaining time twice as much as would remain for each further one.
+        open_count = len(others) + 2 - number
+        limit = 2 * clock.remaining / (open_count + 1) if np.isfinite(clock.remaining) else None
+        try:
+            with clock.within(f"configurations {number} of {len(others) + 1}"):
+                result = _shortest(each, quick, PlanningClock(limit, clock.announce), last)
+        except KeyboardInterrupt:
+            if best is None:
+                raise
+            stopped_by = "interrupt"
+            break
+        results.append(result)
+        stopped_by = result.stopped_by or stopped_by
+        if (result.duration or np.inf) < shortest * (1 - _EQUAL):
+            best = LegPlan(each, result)
+        if (best is not None and takes_first) or stopped_by == "interrupt" or clock.remaining <= 0:
+            break
+    if best is None and stopped_by is not None:
+        return LegPlan(first, stopped_result(clock, stopped_by, options.method))
+    if best is None:
+        result = results[0]
+        if options.persistent and result.status not in _SURE:
+            result = _shortest(first, options, clock, last)
+        best = LegPlan(first, result)
+    result = _of_configurations(problem, best, results, count)
+    return LegPlan(best.problem, replace(result, stopped_by=result.stopped_by or stopped_by))
+
+
+_EQUAL = 1e-6  # relative: of durations that differ by rounding alone the first counts
+# Refusals of a configuration itself.
+_SURE = (PlanStatus.GRAVITY_EXCEEDS_EFFORT,)
+
+
+def _of_configurations(
+    problem: PlanningProblem, best: LegPlan, results: list[PlanResult], count: int
+) -> PlanResult:
+    """Return the best result of configurations, with what the others led to.
+
+    Of `count` configurations that were found for the problem's poses those of `results` were
+    planned.
+    """
+    result = best.result
+    kinds = zip(("start", "goal"), problem.endpoints, strict=True)
+    ends = [name for name, end in kinds if end.pose is not None and end.pose.seed is None]
+    whose = "its pose" if len(ends) == 1 else "their poses"
+    number = f"{len(results)} {'was' if len(results) == 1 else 'were'}"
+    of = f"{' and '.join(ends)}: of {count} configurations found for {whose} {number}"
+    if not result.succeeded:
+        starts = sum(each.starts_tried or 1 for each in results)
+        message = (
+            f"{result.message} (in the likeliest configuration); {of} tried, none has an answer"
+        )
+        return replace(result, message=message, proved=False, starts_tried=starts)
+    values = " and ".join(
+        f"[{', '.join(f'{x:.6g}' for x in np.round(getattr(best.problem, end), 6) + 0.0)}]"
+        for end in ends
+    )
+    durations = sorted(each.duration for each in results if each.duration is not None)
+    note = f"{of} planned: {values}"
+    if len(durations) > 1:
+        note += f" is the fastest, {durations[0]:.4f} s, {len(durations) - 1} others take up to "
+        note += f"{durations[-1]:.4f} s"
+    note += "; a seed or joint signs ask for another"
+    return replace(result, notes=(note, *result.notes))
+
+
+def of_poses(problem: PlanningProblem, result: PlanResult) -> PlanResult:
+    """Return a result; a proof for a configuration chosen for a pose is none for the pose."""
+    ends = zip(problem.endpoints, problem.end_radii.tolist(), strict=True)
+    # A seed too leads to one of several configurations where the arm misses the point.
+    has_choice = any(end.pose is not None or (end.kind == "seed" and size) for end, size in ends)
+    if not (result.proved and has_choice):
+        return result
+    return replace(result, proved=False, starts_tried=1)
+
+
+def _shortest(
+    problem: PlanningProblem, options: PlanOptions, clock: PlanningClock, last: RefinedMotion | None
+) -> PlanResult:
+    """Return the shortest motion between configured ends; if stopped early, the best so far.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C before anything was certified.
+    """
+    result, stopped_by = until_stopped(
+        partial(attempted_plan, problem.joined, last, options, clock)
+    )
+    if result is None:
+        result = stopped_result(clock, stopped_by or "interrupt", options.method)
+    if result.status is PlanStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    return result
+
 
 # ---- Other configurations in which a move could end, where the next has no answer from its own.
 
 _SAME = 0.1  # [rad or m] of every joint
 
 
-def other_ends(cycle: Cycle, k: int, junctions: list[FloatArray]) -> Iterator[FloatArray]:
+def other_junctions(cycle: Cycle, k: int, junctions: list[FloatArray]) -> Iterator[FloatArray]:
     """Yield other configurations (n,) for leg k's begin, each with a branch along the leg.
 
     Configurations nearest to the begin of the leg before come first.
@@ -95,37 +272,50 @@ _MAX_CANDIDATES = 6
 _STOPPED = (PlanStatus.TIME_LIMIT, PlanStatus.INTERRUPTED)
 
 
-def greedy_plan(cycle: Cycle, options: PlanOptions, clock: PlanningClock) -> list[LegPlan]:
+def shortest_legs(
+    task: Task, options: PlanOptions, clock: PlanningClock, last: RefinedMotion | None = None
+) -> list[LegPlan]:
     """Return the shortest motion of every leg, each from the end of the leg before.
 
+    A problem is its only leg; there it is the motion with the fastest configurations of poses.
+
     Args:
-        cycle: The cycle.
+        task: The problem or the cycle.
         options: Options of planning for each leg.
         clock: The planning's.
+        last: The motion to begin with, of a problem; None: plan afresh.
 
     Raises:
-        BlockedLeg: A leg has no answer from there.
+        BlockedLeg: A leg of a cycle has no answer from there, or a problem's poses have none.
     """
-    junctions = [first_configuration(cycle)]
+    if isinstance(task, PlanningProblem):
+        with _blocking(0, options.method):
+            return [fastest_leg(task, options, clock, last)]
+    for k in range(len(task.legs)):
+        with _blocking(k):
+            require_within_bound(task.problem_from_anywhere(k), start_is_known=k == 0)
+    junctions = [_first_configuration(task)]
     plans: list[LegPlan] = []
-    for k in range(len(cycle.legs)):
+    for k in range(len(task.legs)):
         try:
-            plans.append(_planned_from(cycle, k, junctions, options, clock))
+            plans.append(_planned_leg(task, k, junctions, options, clock))
         except BlockedLeg as blocked:
             was_stopped = blocked.result.stopped_by is not None or blocked.result.status in _STOPPED
-            if k == 0 or was_stopped or not cycle.legs[k - 1].joined.ends_openly:
+            if k == 0 or was_stopped or not task.legs[k - 1].joined.ends_openly:
                 raise
-            plans[-1:] = _planned_around(cycle, k, junctions, options, clock, blocked)
+            plans[-1:] = _planned_around(task, k, junctions, options, clock, blocked)
             junctions[-1] = plans[-2].end
         junctions.append(plans[-1].end)
     return plans
 
 
-def _planned_from(
-    cycle: Cycle, k: int, junctions: list[FloatArray], options: PlanOptions, clock: PlanningClock
-) -> LegPlan:
-    """Return the shortest motion of leg k from the end of the leg before."""
-    return planned_leg(cycle, k, leg_problem(cycle, k, junctions), options, clock)
+@contextmanager
+def _blocking(k: int, method: str = "") -> Iterator[None]:
+    """Raise BlockedLeg of leg k in place of Infeasible."""
+    try:
+        yield
+    except Infeasible as reason:
+        raise BlockedLeg(k, refused_result(reason, method)) from None
 
 
 def _planned_around(
@@ -142,12 +332,11 @@ def _planned_around(
         BlockedLeg: As before, if there are no such motions.
     """
     count = 0
-    for q in islice(other_ends(cycle, k, junctions), _MAX_CANDIDATES):
+    for q in islice(other_junctions(cycle, k, junctions), _MAX_CANDIDATES):
         count += 1
         with suppress(BlockedLeg):
-            problem = cycle.problem(k - 1, junctions[:-1], q)
-            before = planned_leg(cycle, k - 1, problem, options, clock)
-            return [before, _planned_from(cycle, k, [*junctions[:-1], q], options, clock)]
+            before = _planned_leg(cycle, k - 1, junctions[:-1], options, clock, goal=q)
+            return [before, _planned_leg(cycle, k, [*junctions[:-1], q], options, clock)]
     if count == 0:
         raise blocked
     result = blocked.result
@@ -155,61 +344,49 @@ def _planned_around(
     raise BlockedLeg(k, replace(result, message=message)) from None
 
 
-def first_configuration(cycle: Cycle) -> FloatArray:
-    """Return the first configuration (n,) of a cycle; of a closed cycle the last goal, if given.
-
-    Raises:
-        BlockedLeg: The first leg's start, or the last leg's goal, is not reached.
-    """
+def _first_configuration(cycle: Cycle) -> FloatArray:
+    """Return the first configuration (n,) of a cycle; of a closed cycle the last goal, if given."""
     if cycle.endpoint.joints is not None:
         return cycle.endpoint.joints
     last = len(cycle.legs) - 1
     leg, end, point = 0, cycle.endpoint, 0
     if cycle.closed and not cycle.legs[last].joined.ends_openly:
         leg, end, point = last, cycle.legs[last].joined.endpoint, -1
-    try:
+    with _blocking(leg):
         return end_configuration(cycle.problem_from_anywhere(leg), end, point)
-    except Infeasible as reason:
-        raise BlockedLeg(leg, refused_result(reason, "")) from None
 
 
-def leg_problem(cycle: Cycle, k: int, junctions: list[FloatArray]) -> PlanningProblem:
-    """Return a leg's problem from the end of the leg before; the last leg closes a closed cycle.
+def _planned_leg(
+    cycle: Cycle,
+    k: int,
+    junctions: list[FloatArray],
+    options: PlanOptions,
+    clock: PlanningClock,
+    goal: FloatArray | None = None,
+) -> LegPlan:
+    """Return the shortest motion of leg k from the end of the leg before, to another goal if given.
 
-    Args:
-        cycle: The cycle.
-        k: Index of the leg.
-        junctions: Configurations (n,) of all junctions up to the leg's begin.
+    The last leg closes a closed cycle. Of the remaining time the leg gets twice as much as would
+    remain for each further leg.
 
     Raises:
-        BlockedLeg: The leg's start or goal is not allowed there.
+        BlockedLeg: The leg has no motion, or its start or goal is not allowed there.
+        KeyboardInterrupt: Ctrl-C before every leg had a motion.
     """
-    closes = cycle.closed and k == len(cycle.legs) - 1
+    if goal is None and cycle.closed and k == len(cycle.legs) - 1:
+        goal = junctions[0]
     try:
-        return cycle.problem(k, junctions, junctions[0] if closes else None)
+        problem = cycle.problem(k, junctions, goal)
     except ProblemError as error:
         reason = Infeasible(PlanStatus.UNREACHABLE, str(error), Location())
         raise BlockedLeg(k, refused_result(reason, "")) from None
-
-
-def planned_leg(
-    cycle: Cycle, k: int, problem: PlanningProblem, options: PlanOptions, clock: PlanningClock
-) -> LegPlan:
-    """Return the shortest motion of a leg.
-
-    Of the remaining time the leg gets twice as much as would remain for each further leg.
-
-    Raises:
-        BlockedLeg: The leg has no motion.
-        KeyboardInterrupt: Ctrl-C before every leg had a motion.
-    """
     remaining = len(cycle.legs) - k
     limit = 2 * clock.remaining / (remaining + 1) if np.isfinite(clock.remaining) else None
     if limit is not None and limit <= 0:
         raise BlockedLeg(k, stopped_result(clock, "time_limit", options.method))
     with clock.within(cycle.label(k)):
         alone = replace(options, time_limit=limit)
-        result = shortest_plan(problem, alone, PlanningClock(limit, clock.announce))
+        result = _first_answer(problem, alone, PlanningClock(limit, clock.announce))
     if not result.succeeded and result.stopped_by == "time_limit":
         result = stopped_result(clock, "time_limit", options.method)
     if not result.succeeded:
@@ -221,6 +398,18 @@ def planned_leg(
         raise KeyboardInterrupt
     return LegPlan(problem, result)
 
+
+def _first_answer(
+    problem: PlanningProblem, options: PlanOptions, clock: PlanningClock
+) -> PlanResult:
+    """Return the shortest motion in the first configurations with an answer, or the refusal."""
+    try:
+        return of_poses(problem, fastest_leg(problem, options, clock, takes_first=True).result)
+    except Infeasible as reason:
+        return refused_result(reason, options.method)
+
+
+# ---- Configurations of junctions chosen for all legs together.
 
 _STAGE = "shared configurations"
 # A part that is taken and put down in other configurations hangs and stands otherwise. Where it is
@@ -293,7 +482,7 @@ def shared_plan(
                 with clock.within(f"{_STAGE}, {problem.name}"):
                     result = continued_plan(problem.joined, motion, clock)
                     if result is None or not result.succeeded:
-                        result = shortest_plan(problem, options, clock)
+                        result = _first_answer(problem, options, clock)
                 if not result.succeeded:
                     return None
                 plans.append(LegPlan(problem, result))
