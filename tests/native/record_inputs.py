@@ -197,19 +197,21 @@ def measure_pairs(count):
 
 def small_programs():
     """Solve programs of one variable, without rows, with one that has no entry, again and anew."""
-    from tubeplanner.optimizer.step_program import NativeProgram
+    from tubeplanner.optimizer import step_program as native
 
     for band in (0, 1):
-        one = np.ones(1)
-        program = NativeProgram(0 * one, one, -one, one, band)
-        program.solve(1e-8)
-        program.add_quadratic(np.zeros(1, int), np.zeros(1, int), one)
-        program.add_rows(np.ones(1, int), np.zeros(1, int), -one, 0.5 * one)
-        program.solve(1e-8)
-        program.set_slack(0.25 * one)
-        program.add_rows(np.zeros(1, int), np.zeros(0, int), np.zeros(0), one)
-        program.add_rows(*(np.zeros(0, int),) * 2, *(np.zeros(0),) * 2)
-        program.solve(1e-8)
+        one, none = np.ones(1), np.zeros(0, int)
+        program = native._new(1, band, 0 * one, one, -one, one)
+        native._solve(program, 1e-8, 100)
+        native._add_quadratic(program, 1, np.zeros(1, int), np.zeros(1, int), one)
+        native._add_rows(program, 1, np.ones(1, int), np.zeros(1, int), -one, 0.5 * one)
+        native._solve(program, 1e-8, 100)
+        native._set_slack(program, 0.25 * one)
+        native._add_rows(program, 1, np.zeros(1, int), none, np.zeros(0), one)
+        native._add_rows(program, 0, none, none, np.zeros(0), np.zeros(0))
+        native._solve(program, 1e-8, 100)
+        native._read(program, np.empty(1), np.empty(2))
+        native._delete(program)
 
 
 LONGS, REALS = ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.c_double)

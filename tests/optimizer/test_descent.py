@@ -18,7 +18,7 @@ from tubeplanner.optimizer.descent import (
     motion_unit,
 )
 from tubeplanner.optimizer.sequential_program import SequentialProgram
-from tubeplanner.optimizer.step_block import Step
+from tubeplanner.optimizer.step_program import Step
 from tubeplanner.optimizer.tied_legs import TiedLegs
 
 

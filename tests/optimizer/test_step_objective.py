@@ -13,9 +13,9 @@ from tubeplanner.optimizer.control_variables import ControlVariables
 from tubeplanner.optimizer.motion_measures import Energy, IntervalMotion, Work, smoothness_measures
 from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline
 from tubeplanner.optimizer.starts import knot_grid
-from tubeplanner.optimizer.step_block import Step
 from tubeplanner.optimizer.step_objective import _FIRST_WORTH as FIRST_WORTH
 from tubeplanner.optimizer.step_objective import _PROXIMITY, _SMOOTHING, MeasuredObjective, StepCost
+from tubeplanner.optimizer.step_program import Step
 from tubeplanner.trajectory.joint_trajectory import from_spline
 
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])

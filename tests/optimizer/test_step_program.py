@@ -13,15 +13,17 @@ from tubeplanner.native.library import LIBRARY
 from tubeplanner.optimizer.control_variables import LegShape, shared_columns
 from tubeplanner.optimizer.descent import FIRST_PENALTY, Remembered, StepSearch, TrustRegion
 from tubeplanner.optimizer.sequential_program import SequentialProgram
-from tubeplanner.optimizer.step_block import (
+from tubeplanner.optimizer.step_program import (
+    BandedProgram,
     Block,
     Bounds,
     Quadratic,
+    SparseProgram,
     SparseRows,
     SymmetricEntries,
+    _projected,
     stacked_rows,
 )
-from tubeplanner.optimizer.step_program import BandedProgram, SparseProgram, _without
 
 NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
 
@@ -55,8 +57,12 @@ def cost(block, step):
 def least_slack(block, step):
     """Return the least that the step leaves of any row's slack."""
     x = unknowns(step)
-    used = [row.data @ x[row.column] for row in stacked_rows(block.rows).rows()]
-    return (block.slack - np.array(used)).min()
+    return (block.slack - matrix(stacked_rows(block.rows), len(x)) @ x).min()
+
+
+def matrix(rows, size):
+    ends = np.concatenate([[0], np.cumsum(rows.count)])
+    return csr_matrix((rows.data, rows.column, ends), shape=(len(rows.count), size))
 
 
 ALONG = np.linspace(0, 3, 41)
@@ -93,11 +99,10 @@ def test_both_find_the_same_least_cost(name, intervals, trust, tube):
 
 def test_rows_lose_what_would_move_what_is_held_and_no_more():
     rows = SparseRows(np.array([3.0, 1.0, 2.0, 5.0]), np.array([0, 1, 2, 0]), np.array([3, 1]))
-    held = SparseRows(np.array([0.6, 0.8]), np.array([1, 2]), np.array([2]))
-    first, second = _without(rows, [held]).rows()
-    values = dict(zip(first.column.tolist(), first.data, strict=True))
-    assert values == pytest.approx({0: 3.0, 1: 1 - 0.6 * 2.2, 2: 2 - 0.8 * 2.2})
-    assert second.data.tolist() == [5.0]
+    lost = _projected(rows, np.array([1, 2]), np.array([[0.6, 0.8]]))
+    first, second = matrix(lost, 3).toarray()
+    assert first == pytest.approx([3.0, 1 - 0.6 * 2.2, 2 - 0.8 * 2.2])
+    assert second.tolist() == [5.0, 0.0, 0.0]
 
 
 # Small programs with known solutions, of one leg and of two, for both that solve them.
@@ -247,17 +252,16 @@ def test_where_rounding_lets_nothing_get_nearer_the_nearest_will_do():
     block = steep_leg()
     program = BandedProgram([block], shared_columns([LegShape(COUNT, 1, 0)], [False]))
     rows = stacked_rows(block.rows)
-    ends = np.concatenate([[0], np.cumsum(rows.count)])
     least = linprog(
         np.eye(COUNT + 1)[-1],
-        csr_matrix((rows.data, rows.column, ends), shape=(len(rows.count), COUNT + 1)),
+        matrix(rows, COUNT + 1),
         block.slack,
         bounds=[(-FAR, FAR)] * COUNT + [(-1.0, 1.0)],
     ).fun
     for tolerance in (1e-4, 1e-6):  # the second one is more than can be had
         (step,) = program.solve(tolerance)
         assert step.duration == pytest.approx(least, rel=1e-4)
-    iterations = program._program.iterations
+    iterations = program.iterations
     assert iterations < 100, "it ends when nothing gets better"
 
 

@@ -11,8 +11,7 @@ from tubeplanner.optimizer.control_variables import shared_columns
 from tubeplanner.optimizer.linearization import BROKEN, Linearization, Slack
 from tubeplanner.optimizer.region_constraints import Planes
 from tubeplanner.optimizer.spline_constraints import Iterate
-from tubeplanner.optimizer.step_block import Block, Step
-from tubeplanner.optimizer.step_program import StepProgram, step_program
+from tubeplanner.optimizer.step_program import Block, Step, StepProgram, step_program
 
 # ---- The trust region: a box, and a damping of the step's rates.
 #

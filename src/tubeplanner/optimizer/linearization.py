@@ -16,7 +16,14 @@ from tubeplanner.optimizer.control_variables import ControlVariables, LegShape
 from tubeplanner.optimizer.region_constraints import Planes
 from tubeplanner.optimizer.rows import Rows
 from tubeplanner.optimizer.spline_constraints import Iterate
-from tubeplanner.optimizer.step_block import Block, Bounds, Quadratic, SparseRows, Step, sparse_rows
+from tubeplanner.optimizer.step_program import (
+    Block,
+    Bounds,
+    Quadratic,
+    SparseRows,
+    Step,
+    sparse_rows,
+)
 
 BROKEN = 1e-4
 # Planes with less slack after a step [radii] are given to the next program at once.

@@ -23,9 +23,8 @@ from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.optimizer.region_constraints import EvaluatedRegions, Planes, goal_keys
 from tubeplanner.optimizer.rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.optimizer.spline_constraints import Iterate, SplineConstraints
-from tubeplanner.optimizer.step_block import Bounds, Step
 from tubeplanner.optimizer.step_objective import ShortestDuration, StepCost, StepObjective
-from tubeplanner.optimizer.step_program import step_program
+from tubeplanner.optimizer.step_program import Bounds, Step, step_program
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- Shortening a trajectory on one knot grid: one leg of a descent.

@@ -10,7 +10,7 @@ from tubeplanner.optimizer.motion_measures import POINTS, IntervalMotion, Measur
 from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline
 from tubeplanner.optimizer.rows import MERIT_TOLERANCE
 from tubeplanner.optimizer.spline_constraints import Iterate
-from tubeplanner.optimizer.step_block import Quadratic, Step, SymmetricEntries, merged_entries
+from tubeplanner.optimizer.step_program import Quadratic, Step, SymmetricEntries, merged_entries
 
 # ---- The convex quadratic part of a step's cost: smoothing, proximity and damping.
 
