@@ -6,7 +6,7 @@ M knot intervals, n joints, S switching times that may move, I quantities of a s
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
@@ -163,20 +163,36 @@ class MeasureModel:
         )
 
 
-class Measure(Protocol):
-    """One measure of motions: a sum over knot intervals."""
+Measure: TypeAlias = "Energy | Work | EffortRate | EffortVariation | Jerk"
+# Measures with the weights of their logarithms.
+Weighted: TypeAlias = tuple[tuple[float, Measure], ...]
+
+
+class _PowerSum:
+    """A measure that is the sum of a power of residuals, for a run in 1 s."""
+
+    _power = 4
 
     def total(self, motion: IntervalMotion) -> float:
         """Return the measure, >= 0."""
-        ...
+        return float((self._residual(motion) ** self._power).sum())
 
     def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
         """Return the model of a multiple of the measure near a motion."""
-        ...
+        residual, power = self._residual(motion), self._power
+        return MeasureModel.of(
+            power * (power - 1) * fraction * residual ** (power - 2),
+            power * fraction * residual ** (power - 1),
+            *self._derivatives(motion, residual),
+        )
 
+    def _residual(self, motion: IntervalMotion) -> FloatArray:
+        raise NotImplementedError
 
-# Measures with the weights of their logarithms.
-Weighted = tuple[tuple[float, Measure], ...]
+    def _derivatives(
+        self, motion: IntervalMotion, residual: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        raise NotImplementedError
 
 
 # Weight of the logarithm of energy or work, and the fraction of smoothness beside it: joints that
@@ -213,34 +229,26 @@ _ROUNDED = 0.5
 _NOTHING = 1e-9
 
 
-class Energy:
-    """The integral of the weighted squared efforts: heat of the currents."""
+class Energy(_PowerSum):
+    """The integral of the weighted squared efforts, weights (n,) >= 0: heat of the currents."""
+
+    _power = 2
 
     def __init__(self, weights: FloatArray) -> None:
-        """Take the weights of the squared efforts, (n,), >= 0."""
         with np.errstate(divide="ignore"):
             limit = 1 / np.sqrt(weights)
         self._effort = JointEffort(limit, with_coulomb_friction=True)
 
-    def total(self, motion: IntervalMotion) -> float:
-        """Return the integral for a run in 1 s."""
-        return float((self._squared(motion) ** 2).sum())
+    def _residual(self, motion: IntervalMotion) -> FloatArray:
+        return motion.effort(self._effort) * _scale(motion)
 
-    def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
-        """Return the model of a multiple near a motion; residuals are the scaled efforts."""
-        residual, scale = self._squared(motion), _scale(motion)
+    def _derivatives(
+        self, motion: IntervalMotion, residual: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         control, switching = motion.effort_derivatives(self._effort)
-        wider = motion.width_by_switching / (2 * motion.width[:, None])
-        return MeasureModel.of(
-            np.full(residual.shape, 2 * fraction),
-            2 * fraction * residual,
-            control * scale[..., None, None],
-            switching * scale[..., None] + residual[..., None] * wider[:, None, None],
-        )
-
-    def _squared(self, motion: IntervalMotion) -> FloatArray:
-        squared: FloatArray = motion.effort(self._effort) * _scale(motion)
-        return squared
+        scale, wider = _scale(motion), motion.width_by_switching / (2 * motion.width[:, None])
+        changing = residual[..., None] * wider[:, None, None]
+        return control * scale[..., None, None], switching * scale[..., None] + changing
 
 
 class Work:
@@ -348,82 +356,63 @@ def smoothness_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: 
     return tuple(zip(_WEIGHTS, measures, strict=True))
 
 
-class EffortRate:
-    """The integral of the efforts' rates to the fourth power."""
+@dataclass(frozen=True)
+class EffortRate(_PowerSum):
+    """The integral of the efforts' rates to the fourth power, efforts as fractions of limits."""
 
-    def __init__(self, effort: JointEffort) -> None:
-        """Take the efforts, as fractions of limits."""
-        self._effort = effort
+    effort: JointEffort
 
-    def total(self, motion: IntervalMotion) -> float:
-        """Return the integral for a run in 1 s."""
-        return float((self._raised(motion) ** 4).sum())
-
-    def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
-        """Return the model of a multiple near a motion; residuals are the scaled rates."""
-        rate, elapsed = self._raised(motion), motion.elapsed[:, :, None]
-        scale = elapsed**-0.75
-        faster = (-0.75 * rate / elapsed)[..., None] * motion.elapsed_by_switching[:, :, None]
-        control, switching = _change_derivatives(motion, self._effort)
-        return MeasureModel.of(
-            12 * fraction * rate**2,
-            4 * fraction * rate**3,
-            control * scale[..., None, None],
-            switching * scale[..., None] + faster,
-        )
-
-    def _raised(self, motion: IntervalMotion) -> FloatArray:
-        rate: FloatArray = _changes(motion, self._effort) * motion.elapsed[:, :, None] ** -0.75
+    def _residual(self, motion: IntervalMotion) -> FloatArray:
+        rate: FloatArray = _changes(motion, self.effort) * motion.elapsed[:, :, None] ** -0.75
         return rate
 
+    def _derivatives(
+        self, motion: IntervalMotion, residual: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        elapsed = motion.elapsed[:, :, None]
+        scale = elapsed**-0.75
+        faster = (-0.75 * residual / elapsed)[..., None] * motion.elapsed_by_switching[:, :, None]
+        control, switching = _change_derivatives(motion, self.effort)
+        return control * scale[..., None, None], switching * scale[..., None] + faster
 
+
+@dataclass(frozen=True)
 class EffortVariation:
-    """The total variation of the efforts, rounded where they hardly change."""
+    """The total variation of the efforts, as fractions of limits; rounded where they rest."""
 
-    def __init__(self, effort: JointEffort) -> None:
-        """Take the efforts, as fractions of limits."""
-        self._effort = effort
+    effort: JointEffort
 
     def total(self, motion: IntervalMotion) -> float:
         """Return the sum of the changes' sizes."""
-        change = _changes(motion, self._effort)
+        change = _changes(motion, self.effort)
         return float((np.sqrt(change**2 + _ROUNDED_CHANGE**2) - _ROUNDED_CHANGE).sum())
 
     def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
         """Return the model of a multiple, as reweighted squares; residuals are the changes."""
-        change = _changes(motion, self._effort)
+        change = _changes(motion, self.effort)
         rounded = np.sqrt(change**2 + _ROUNDED_CHANGE**2)
-        derivatives = _change_derivatives(motion, self._effort)
+        derivatives = _change_derivatives(motion, self.effort)
         return MeasureModel.of(fraction / rounded, fraction * change / rounded, *derivatives)
 
 
-class Jerk:
-    """The integral of the jerks to the fourth power."""
+@dataclass(frozen=True)
+class Jerk(_PowerSum):
+    """The integral of the jerks to the fourth power, as fractions of limits."""
 
-    def __init__(self, jerk: JointRate) -> None:
-        """Take the jerks, as fractions of limits."""
-        self._jerk = jerk
+    jerk: JointRate
 
-    def total(self, motion: IntervalMotion) -> float:
-        """Return the integral for a run in 1 s."""
-        return float((self._raised(motion) ** 4).sum())
-
-    def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
-        """Return the model of a multiple near a motion; residuals are the scaled jerks."""
-        jerk, width = self._raised(motion), motion.width[:, None]
-        root = width**0.25
-        control, switching = motion.jerk_derivatives(self._jerk)
-        wider = (jerk / (4 * width))[:, :, None] * motion.width_by_switching[:, None]
-        return MeasureModel.of(
-            12 * fraction * jerk**2,
-            4 * fraction * jerk**3,
-            control * root[:, :, None, None],
-            switching * root[:, :, None] + wider,
-        )
-
-    def _raised(self, motion: IntervalMotion) -> FloatArray:
-        jerk: FloatArray = motion.jerk(self._jerk) * motion.width[:, None] ** 0.25
+    def _residual(self, motion: IntervalMotion) -> FloatArray:
+        jerk: FloatArray = motion.jerk(self.jerk) * motion.width[:, None] ** 0.25
         return jerk
+
+    def _derivatives(
+        self, motion: IntervalMotion, residual: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        width = motion.width[:, None]
+        root = width**0.25
+        control, switching = motion.jerk_derivatives(self.jerk)
+        wider = (residual / (4 * width))[:, :, None] * motion.width_by_switching[:, None]
+        return control * root[:, :, None, None], switching * root[:, :, None] + wider
 
 
 def _changes(motion: IntervalMotion, effort: JointEffort) -> FloatArray:

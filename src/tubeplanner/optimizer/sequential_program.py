@@ -23,7 +23,7 @@ from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.optimizer.region_constraints import EvaluatedRegions, Planes, goal_keys
 from tubeplanner.optimizer.rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.optimizer.spline_constraints import Iterate, SplineConstraints
-from tubeplanner.optimizer.step_objective import ShortestDuration, StepCost, StepObjective
+from tubeplanner.optimizer.step_objective import StepCost, StepObjective
 from tubeplanner.optimizer.step_program import Bounds, Step, step_program
 from tubeplanner.task.problem import PlanningProblem
 
@@ -77,7 +77,7 @@ class SequentialProgram:
             slack: The fraction of the tube's regions that stays unused, shape (m,); None: none.
             start_moves: Whether the start is tied to the end of another leg.
         """
-        self._objective: StepObjective = objective or ShortestDuration()
+        self._objective = objective or StepObjective()
         radius = problem.tube.effective_radius if radius is None else radius
         links = links or LinkConstraints(problem)
         self.constraints = SplineConstraints(

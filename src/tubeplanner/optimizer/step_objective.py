@@ -1,7 +1,5 @@
 """Objective of a step: duration or measures; smoothing, proximity and damping."""
 
-from typing import Protocol
-
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
@@ -123,72 +121,35 @@ def _squared_differences(
 # ---- Objectives of steps: by default, a shorter duration.
 
 
-class StepObjective(Protocol):
-    """The gain that steps aim at."""
+class StepObjective:
+    """The gain that steps aim at: here a shorter duration, the relative change of T^2.
 
-    @property
-    def run_in(self) -> float | None:
-        """The duration in which splines are run [s]; None: the least that limits allow."""
-        ...
+    Attributes:
+        run_in: The duration in which splines are run [s]; None: the least that limits allow.
+        least_duration_step: The smallest eta of a step.
+        ignored_excess: The part of an iterate's excess without a penalty.
+    """
 
-    @property
-    def least_duration_step(self) -> float:
-        """The smallest eta of a step."""
-        ...
-
-    @property
-    def ignored_excess(self) -> float:
-        """The part of an iterate's excess without a penalty."""
-        ...
-
-    def cost(
-        self, current: Iterate, variables: ControlVariables, regularization: Quadratic
-    ) -> Quadratic:
-        """Return the cost of a step, with its regularization.
-
-        Args:
-            current: The iterate before the step.
-            variables: The variable control points.
-            regularization: The cost of steps under every objective.
-        """
-        ...
-
-    def predicted_gain(self, current: Iterate, step: Step) -> float:
-        """Return the gain of a step by the last `cost`."""
-        ...
-
-    def gain(self, current: Iterate, trial: Iterate) -> float:
-        """Return the gain of a trial."""
-        ...
-
-    def after(self, step: Step) -> None:
-        """Record a solution of the step's program."""
-        ...
-
-
-class ShortestDuration:
-    """The `StepObjective` of a shorter duration: the relative change of T^2."""
-
-    run_in = None
+    run_in: float | None = None
     least_duration_step = -0.5
-    ignored_excess = MERIT_TOLERANCE
+    ignored_excess: float = MERIT_TOLERANCE
 
     def cost(
         self, current: Iterate, variables: ControlVariables, regularization: Quadratic
     ) -> Quadratic:
-        """Return the cost: eta and the regularization."""
+        """Return the cost of a step: eta and the regularization, which all objectives have."""
         return regularization
 
     def predicted_gain(self, current: Iterate, step: Step) -> float:
-        """Return the predicted reduction of T^2, as a fraction of T^2."""
+        """Return the gain of a step by the last `cost`, as a fraction of T^2."""
         return -step.duration
 
     def gain(self, current: Iterate, trial: Iterate) -> float:
-        """Return the reduction of T^2 by a trial, as a fraction of T^2."""
+        """Return the gain of a trial, as a fraction of T^2."""
         return 1 - trial.squared_duration / current.squared_duration
 
     def after(self, step: Step) -> None:
-        """Do nothing: durations need no weight."""
+        """Record a solution of the step's program."""
 
 
 class IntervalBlocks:
@@ -261,19 +222,14 @@ _FIRST_WORTH, _MIN_WORTH = 5e-3, 5e-4
 _LONGER = 1e-4
 
 
-class MeasuredObjective:
-    """The `StepObjective` of smaller measures in a given duration."""
+class MeasuredObjective(StepObjective):
+    """Smaller measures in a given duration."""
 
+    run_in: float
     least_duration_step = 0.0
     ignored_excess = 0.0  # gains are large here, beside what curvature brings
 
     def __init__(self, measures: Weighted, run_in: float) -> None:
-        """Take measures and a duration.
-
-        Args:
-            measures: The measures, with the weights of their logarithms.
-            run_in: The duration [s].
-        """
         self.run_in = run_in
         self._worth = _FIRST_WORTH
         self._weights = np.array([weight for weight, _ in measures])
@@ -292,10 +248,8 @@ class MeasuredObjective:
         """Return the cost: Gauss-Newton quadratics of the measures, and eta."""
         motion, totals = self._measure(current)
         fractions = (self._weights / totals).tolist()
-        models = zip(self._measures, fractions, strict=True)
-        model = MeasureModel.stacked(
-            [measure.model(motion, fraction) for measure, fraction in models]
-        )
+        each = zip(self._measures, fractions, strict=True)
+        model = MeasureModel.stacked([own.model(motion, fraction) for own, fraction in each])
         control, switching = model.control, model.switching
         weighted = control * model.curvature[:, :, None]
         blocks = np.swapaxes(control, 1, 2) @ weighted
