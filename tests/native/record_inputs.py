@@ -139,6 +139,7 @@ def no_samples():
     from tubeplanner.first_guess import inverse_kinematics
     from tubeplanner.geometry.tube import regions
     from tubeplanner.limits import speed_polynomial as speed_roots
+    from tubeplanner.optimizer.region_constraints import EvaluatedRegions, Planes
     from tubeplanner.robot import kinematics
 
     none = np.zeros(0)
@@ -152,9 +153,11 @@ def no_samples():
     inverse_kinematics.native_solve_positions(table, settings, np.zeros((0, 3)), joints, None)
     axes = (np.zeros((1, 3)), np.ones((1, 3)))
     regions.away_from_axes(np.zeros((0, 3)), axes, np.zeros(0, int), 1e-9)
-    planes = (np.zeros(0, int), np.zeros((0, 3)), np.zeros(0, int))
-    empty = np.zeros((0, 3))
-    regions.plane_slack(planes, empty, axes, np.zeros(0, int), none, (none, none))
+    planes = Planes(np.zeros(0, int), np.zeros((0, 3)), np.zeros(0, int))
+    capsules = regions.Capsules(*axes, np.ones(1))
+    EvaluatedRegions(None, np.zeros((0, 3)), None, capsules, np.zeros(0, int), none, None).slack(
+        planes
+    )
     speed_roots.largest_speeds({0: none, 1: none}, (1.0,))
     no_rows_of_splines()
     for count in (0, 1):

@@ -1,6 +1,7 @@
 """Region constraints on the tool: segment, compulsory point, rotation tolerance, goal."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,6 @@ from tubeplanner.optimizer.region_constraints import (
     Planes,
     evaluated_ball,
     evaluated_points,
-    evaluated_tube,
     goal_keys,
 )
 from tubeplanner.optimizer.segment_runs import OrderedSegments
@@ -54,8 +54,9 @@ def evaluated(kind, case, spline=None):
     numbers = SIDE_NUMBERS if kind == "box" else NUMBERS
     runs = (range(1), range(1, 2))
     segments = OrderedSegments(tube.points, tube.effective_radius, runs, samples)
-    margin = np.full(tube.segment_count, MARGIN)
-    return evaluated_tube(at, path, segments, tube.regions, margin, numbers)
+    tool = (path.tool_pose[1], lambda: path.tool_jacobian[:, :3])
+    margin = np.full(len(path.segment), MARGIN)
+    return EvaluatedRegions(at, *tool, tube.regions, path.segment, margin, numbers, segments)
 
 
 def sizes(here):
@@ -157,10 +158,9 @@ def corner(place, later, predicted, regions=CAPSULES):
         derivative=lambda: np.zeros((1, 3, 2)),
         regions=regions,
         segment=np.zeros(1, dtype=np.int64),
-        segments_of=lambda _: np.array([predicted]),
-        in_run=np.ones(1, dtype=bool),
         margin=np.full(1, MARGIN),
         numbers=np.zeros((2, 1 if regions is CAPSULES else 2), dtype=np.int64),
+        segments=SimpleNamespace(at=lambda _: np.array([predicted]), in_run=np.ones(1, dtype=bool)),
     )
     return here, here.planes_where_outside(np.array([later]), 0.0)
 

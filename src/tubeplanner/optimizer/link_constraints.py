@@ -398,7 +398,7 @@ class EvaluatedLinks:
         return len(self.pairs)
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
-        """Return rows that keep the pairs apart; see `EvaluatedRows`."""
+        """Return rows that keep the pairs apart, as `EvaluatedSpeedLimit`."""
         limit = np.full(len(self.pairs), NO_LIMIT)
         return plane_rows(self.at, self._by_joint, self._slack[:, None], limit, size)
 

@@ -7,6 +7,7 @@ prediction leaves the region (Kelley, "The cutting-plane method for solving conv
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from ctypes import c_int64
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -15,10 +16,11 @@ from typing import ClassVar
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.geometry.tube.regions import Capsules, SegmentRegions, plane_slack
+from tubeplanner.geometry.tube.regions import Capsules, SegmentRegions
 from tubeplanner.geometry.tube.rotation import RotationalTube
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.path_samples import LimitKey, PathSamples
+from tubeplanner.native.library import Doubles, Integers, native_function
 from tubeplanner.optimizer.phased_spline import SampledSpline
 from tubeplanner.optimizer.rows import INNER_MARGIN, Rows, StepSize, plane_rows
 from tubeplanner.optimizer.segment_runs import OrderedSegments
@@ -26,6 +28,10 @@ from tubeplanner.task.problem import PlanningProblem
 
 # ---- Vectors in regions, at samples of a spline: the tool's position or its rotation vector.
 
+_plane_slack = native_function(
+    *("plane_slack", c_int64, Integers, Doubles, Doubles, Doubles, Doubles, Integers, Integers),
+    *(Doubles, Doubles, Doubles, Doubles),
+)
 # A prediction may leave the region by this fraction of its extent.
 _OUTSIDE = 0.002
 
@@ -72,10 +78,9 @@ class EvaluatedRegions:
         derivative: Returns the vectors' derivatives by the joints, shape (N, 3, n).
         regions: Of all segments.
         segment: The samples' own, shape (N,).
-        segments_of: Returns the samples' segments for other vectors (N, 3).
-        in_run: Whether a sample's segment follows from its vector, shape (N,).
         margin: The fraction of the radii that stays unused, shape (N,).
         numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
+        segments: Of samples in chains, whose segments follow from their vectors; None: all fixed.
         is_crossed: Whether a step may cross the whole region: then all planes count as near.
     """
 
@@ -84,10 +89,9 @@ class EvaluatedRegions:
     derivative: Callable[[], FloatArray]
     regions: SegmentRegions
     segment: IntArray
-    segments_of: Callable[[FloatArray], IntArray]
-    in_run: BoolArray
     margin: FloatArray
     numbers: IntArray
+    segments: OrderedSegments | None = None
     is_crossed: bool = False
 
     @cached_property
@@ -98,15 +102,12 @@ class EvaluatedRegions:
     @cached_property
     def planes(self) -> Planes:
         """The planes outward and, unless segments pass into each other, those of faces."""
-        normal = np.array([self.regions.outward(self.vector, self.segment), *self.faces])
-        normal[1:, self.in_run] = 0.0
+        faces = self.regions.faces(self.segment)
+        normal = np.array([self.regions.outward(self.vector, self.segment), *faces])
+        if self.segments is not None:
+            normal[1:, self.segments.in_run] = 0.0
         kind, sample = np.nonzero(normal.any(axis=2))
         return Planes(sample, normal[kind, sample], self.segment[sample])
-
-    @cached_property
-    def faces(self) -> Sequence[FloatArray]:
-        """Normals of the regions' faces that do not depend on the vectors, each (N, 3)."""
-        return self.regions.faces(self.segment)
 
     def planes_where_outside(self, vector: FloatArray, elastic: float) -> Planes:
         """Return the tangent planes at other vectors (N, 3) that are outside.
@@ -117,7 +118,7 @@ class EvaluatedRegions:
             vector: The other vectors.
             elastic: Allowed distance outside, in radii.
         """
-        segment = self.segments_of(vector)
+        segment = self.segment if self.segments is None else self.segments.at(vector)
         outside = np.flatnonzero(self._excess_of(vector, segment) > elastic + _OUTSIDE)
         segment = segment[outside]
         planes = Planes(outside, self.regions.outward(vector[outside], segment), segment)
@@ -145,17 +146,36 @@ class EvaluatedRegions:
             bend: Added to the vectors, shape (N, 3).
         """
         vector = self.vector if bend is None else self.vector + bend
-        own = (planes.sample, planes.normal, planes.segment)
-        extents = (self._extent(planes), self.regions.extent(planes.normal, planes.segment))
-        axes = (self.regions.begin, self.regions.end)
-        slack = plane_slack(own, vector, axes, self.segment, self.margin, extents)
-        return self._slack(planes, vector) if slack is None else slack
+        at, normal, regions, own = planes.sample, planes.normal, self.regions, self.segment
+        extent, other = (regions.extent(normal, each) for each in (own[at], planes.segment))
+        if _plane_slack is not None:
+            slack = np.empty(len(planes))
+            place = (at, normal, vector, regions.begin, regions.end, own, planes.segment)
+            arrays = map(np.ascontiguousarray, (*place, self.margin, extent, other))
+            _plane_slack(len(planes), *arrays, slack)
+            return slack
+        beyond = np.minimum(
+            *(
+                np.einsum("pi,pi->p", normal, (vector - end[own])[at])
+                for end in (regions.begin, regions.end)
+            )
+        )
+        # Where the sample may be in the region of another segment, the plane contains that one too.
+        farther, both = np.zeros(len(planes)), np.flatnonzero(planes.segment != own[at])
+        reaches = []
+        for segment, extents in ((own[at[both]], extent), (planes.segment[both], other)):
+            ends = (regions.begin[segment], regions.end[segment])
+            farthest = np.maximum(*(np.einsum("pi,pi->p", normal[both], end) for end in ends))
+            reaches.append(farthest + (1 - self.margin[at[both]]) * extents[both])
+        farther[both] = np.maximum(reaches[1] - reaches[0], 0.0) / extent[both]
+        slack = 1 - self.margin[at] - beyond / extent + farther
+        return slack
 
     def rows(self, planes: Planes) -> Rows:
         """Return rows that keep the vectors behind planes; they have no numbers."""
         at, segment = planes.sample, self.segment[planes.sample]
         by_joint = np.einsum("pi,pij->pj", planes.normal, self._by_joint[at])
-        by_joint /= self._extent(planes)[:, None]
+        by_joint /= self.regions.extent(planes.normal, segment)[:, None]
         control, switching = self.at.chained({0: by_joint[:, None]}, at)
         count = len(planes)
         return Rows(
@@ -172,84 +192,9 @@ class EvaluatedRegions:
     def _by_joint(self) -> FloatArray:
         return self.derivative()
 
-    def _extent(self, planes: Planes) -> FloatArray:
-        """Return the extent of the samples' own regions beyond their axes, (P,)."""
-        return self.regions.extent(planes.normal, self.segment[planes.sample])
-
-    @cached_property
-    def _axis_ends(self) -> tuple[FloatArray, FloatArray]:
-        return self.regions.begin[self.segment], self.regions.end[self.segment]
-
-    def _slack(self, planes: Planes, vector: FloatArray) -> FloatArray:
-        at, normal, (begin, end) = planes.sample, planes.normal, self._axis_ends
-        beyond = np.minimum(
-            np.einsum("pi,pi->p", normal, (vector - begin)[at]),
-            np.einsum("pi,pi->p", normal, (vector - end)[at]),
-        )
-        extent = self._extent(planes)
-        slack: FloatArray = 1 - self.margin[at] - beyond / extent + self._farther(planes, extent)
-        return slack
-
-    def _farther(self, planes: Planes, extent: FloatArray) -> FloatArray:
-        """Return the shift of planes that also contain another segment's region, (P,).
-
-        As a fraction of the extent of the samples' own: the sample may be in either region.
-        """
-        farther = np.zeros(len(planes))
-        both = np.flatnonzero(planes.segment != self.segment[planes.sample])
-        at = planes.sample[both]
-        own, other = (
-            self._reach(planes.normal[both], segment, at)
-            for segment in (self.segment[at], planes.segment[both])
-        )
-        farther[both] = np.maximum(other - own, 0.0) / extent[both]
-        return farther
-
-    def _reach(self, normal: FloatArray, segment: IntArray, at: IntArray) -> FloatArray:
-        """Return max n.p over the narrowed regions of samples, in some segments, shape (P,)."""
-        axis_ends = (self.regions.begin[segment], self.regions.end[segment])
-        farthest = np.maximum(*(np.einsum("pi,pi->p", normal, end) for end in axis_ends))
-        extent = self.regions.extent(normal, segment)
-        reach: FloatArray = farthest + (1 - self.margin[at]) * extent
-        return reach
-
     def _excess_of(self, vector: FloatArray, segment: IntArray) -> FloatArray:
         excess: FloatArray = self.regions.fraction(vector, segment) - (1 - self.margin)
         return excess
-
-
-# ---- The tool in the region of its segment and at compulsory points.
-
-
-def evaluated_tube(
-    at: SampledSpline,
-    path: PathSamples,
-    segments: OrderedSegments,
-    regions: SegmentRegions,
-    margin: FloatArray,
-    numbers: IntArray,
-) -> EvaluatedRegions:
-    """Return the tube at N samples of a spline, each in a segment of the sample's phase.
-
-    Args:
-        at: The spline at the samples.
-        path: The arm there.
-        segments: The segments of the samples.
-        regions: Of all segments.
-        margin: The fraction of the regions that stays unused, shape (m,).
-        numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
-    """
-    return EvaluatedRegions(
-        at,
-        path.tool_pose[1],
-        lambda: path.tool_jacobian[:, :3],
-        regions,
-        path.segment,
-        segments.at,
-        segments.in_run,
-        margin[path.segment],
-        numbers,
-    )
 
 
 def evaluated_points(
@@ -260,17 +205,10 @@ def evaluated_points(
     margin: float,
     numbers: IntArray,
 ) -> EvaluatedRegions:
-    """Return the balls about compulsory points, for the tool at switching times.
+    """Return the balls about compulsory points, capsules without length, at switching times.
 
-    A ball is a capsule without length. The tool is in it as it passes on to the next segment.
-
-    Args:
-        tube: The tube.
-        at: The spline at the switching times into the segments that begin at the points.
-        path: The arm there.
-        regions: Of all segments.
-        margin: The fraction of the radii that stays unused.
-        numbers: As for `evaluated_tube`.
+    The tool is in a ball as it passes on to the segment that begins at the point. Arguments as of
+    `EvaluatedRegions`, with the regions of all segments and the numbers of their tolerances.
     """
     points, radius = tube.compulsory_points, regions.radius
     narrower = points - (radius[points - 1] < radius[points])
@@ -283,8 +221,6 @@ def evaluated_points(
         lambda: path.tool_jacobian[:, :3],
         Capsules(index, index, radius[narrower]),
         own,
-        lambda _: own,
-        np.zeros(len(points), dtype=bool),
         np.full(len(points), margin),
         numbers[narrower, kind][:, None],
     )
@@ -337,21 +273,19 @@ class EvaluatedRotation:
 
     def angle(self) -> EvaluatedRegions:
         """Return the bound on the angle: the rotation vector in a ball."""
-        centre, count = np.zeros((len(self.tube.bounds), 3)), len(self.segment)
+        centre = np.zeros((len(self.tube.bounds), 3))
         return EvaluatedRegions(
             self.at,
             self._error,
             lambda: self._by_joint,
             Capsules(centre, centre, self.tube.bounds[:, 3]),
             self.segment,
-            lambda _: self.segment,
-            np.zeros(count, dtype=bool),
-            np.full(count, self.margin),
+            np.full(len(self.segment), self.margin),
             self.numbers[:, None],
         )
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
-        """Return rows that keep the components within their bounds; see `EvaluatedRows`."""
+        """Return rows that keep the components within their bounds, as `EvaluatedSpeedLimit`."""
         bounds = np.hstack([self._bounds, self._bounds])
         by_side = np.matmul(_SIDES, self._by_joint) / bounds[:, :, None]
         slack = np.where(np.isfinite(bounds), self._slack.reshape(bounds.shape), np.inf)
@@ -421,11 +355,7 @@ def evaluated_ball(
 ) -> list[EvaluatedRegions]:
     """Return the ball of the goal, a capsule without length, or nothing.
 
-    Args:
-        problem: The planning problem.
-        at: The spline at its end.
-        path: The arm there.
-        numbers: Of the keys among those of all limits.
+    Takes the spline and the arm at its end, and the numbers of the keys among those of all limits.
     """
     goal = problem.open_goal
     if goal is None or goal.tolerance == 0:
@@ -437,8 +367,6 @@ def evaluated_ball(
         lambda: path.tool_jacobian[:, :3],
         _Balls(centre, centre, np.array([goal.tolerance])),
         own,
-        lambda _: own,
-        np.zeros(1, dtype=bool),
         np.full(1, INNER_MARGIN),
         np.array([[numbers[_BALL]]]),
         is_crossed=True,

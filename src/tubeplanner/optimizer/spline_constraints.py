@@ -35,7 +35,6 @@ from tubeplanner.optimizer.region_constraints import (
     evaluated_ball,
     evaluated_points,
     evaluated_rotation,
-    evaluated_tube,
     goal_keys,
 )
 from tubeplanner.optimizer.rows import (
@@ -341,9 +340,19 @@ class SplineConstraints:
         """Return the constraints of tube and goal on the tool, as in an iterate."""
         tube = self._problem.tube
         at, path = arm.at(samples)
-        segments = arm.segments_of(samples)
         regions, numbers = self._regions, self._tolerances
-        evaluated = [evaluated_tube(at, path, segments, regions, self._margin, numbers)]
+        evaluated = [
+            EvaluatedRegions(
+                at,
+                path.tool_pose[1],
+                lambda: path.tool_jacobian[:, :3],
+                regions,
+                path.segment,
+                self._margin[path.segment],
+                numbers,
+                arm.segments_of(samples),
+            )
+        ]
         rotations = []
         if tube.rotation is not None:
             own = self._rotation_tolerances

@@ -11,6 +11,7 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.geometry.tube import regions
 from tubeplanner.geometry.tube.regions import BoxRegions, Capsules
 from tubeplanner.native.library import LIBRARY
+from tubeplanner.optimizer import region_constraints
 from tubeplanner.optimizer.region_constraints import EvaluatedRegions, Planes
 
 NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
@@ -56,11 +57,11 @@ def test_normals_point_the_same_way(monkeypatch):
 @pytest.mark.parametrize("bend", [None, RNG.normal(size=(8, 3))])
 def test_planes_have_the_same_slack(bend, monkeypatch):
     tool, backoff, own = RNG.normal(size=(8, 3)), RNG.uniform(0, 0.1, 8), np.arange(8) % 4
-    at = EvaluatedRegions(None, tool, None, RANDOM_CAPSULES, own, None, None, backoff, None)
+    at = EvaluatedRegions(None, tool, None, RANDOM_CAPSULES, own, backoff, None)
     sample, other = np.array([[0, 1, 2, 4, 5, 6, 3, 7], [1, 2, 0, 0, 1, 0, 3, 3]])
     planes = Planes(sample, unit_vectors(RNG, 8), other)
     compiled = at.slack(planes, bend)
-    monkeypatch.setattr(regions, "_slack", None)
+    monkeypatch.setattr(region_constraints, "_plane_slack", None)
     np.testing.assert_allclose(compiled, at.slack(planes, bend), rtol=1e-11, atol=1e-12)
 
 

@@ -14,15 +14,11 @@ from tubeplanner.errors import ProblemError, shown
 from tubeplanner.geometry.tube.points import MIN_LENGTH
 from tubeplanner.native.library import Doubles, Integers, native_function
 
-# ---- Points and planes about the axes of convex regions, compiled; None without native library.
+# ---- Points about the axes of convex regions, compiled; None without native library.
 
 _away = native_function(
     *("away_from_axes", c_int64, Doubles, Doubles, Doubles, c_int64, Integers, c_double),
     *(Doubles, Doubles),
-)
-_slack = native_function(
-    *("plane_slack", c_int64, Integers, Doubles, Doubles, Doubles, Doubles, Integers, Integers),
-    *(Doubles, Doubles, Doubles, Doubles),
 )
 
 
@@ -48,35 +44,6 @@ def away_from_axes(
     of_rows = (rows, np.ascontiguousarray(segment), no_length**2)
     _away(distance.size, points, *ends, *of_rows, away, distance)
     return away, distance
-
-
-def plane_slack(
-    planes: tuple[IntArray, FloatArray, IntArray],
-    points: FloatArray,
-    axes: tuple[FloatArray, FloatArray],
-    segment: IntArray,
-    margin: FloatArray,
-    extents: tuple[FloatArray, FloatArray],
-) -> FloatArray | None:
-    """Return the slack of points behind planes, as a fraction of regions' extents, shape (P,).
-
-    Args:
-        planes: Their samples (P,), normals (P, 3), and the segments whose regions they bound too.
-        points: At N samples, shape (N, 3).
-        axes: Begins and ends of the regions' axes, both of shape (m, 3).
-        segment: The samples' own, shape (N,).
-        margin: The fraction of the extents that stays unused, shape (N,).
-        extents: Extents beyond the axes of the regions of the samples' segments, and of the planes'
-            segments, both of shape (P,).
-    """
-    if _slack is None:
-        return None
-    sample, normal, other = (np.ascontiguousarray(part) for part in planes)
-    slack = np.empty(len(sample))
-    own = [np.ascontiguousarray(part) for part in (points, *axes, segment)]
-    rest = [np.ascontiguousarray(part) for part in (margin, *extents)]
-    _slack(len(sample), sample, normal, *own, other, *rest, slack)
-    return slack
 
 
 # ---- The convex regions about a tube's segments, and the planes about them.
