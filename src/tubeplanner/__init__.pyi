@@ -79,9 +79,9 @@ from .certificate.verification import CycleCertificate as CycleCertificate  # re
 
 # Tubes from what you have
 from .studies.tubes.measurement import measure_tube as measure_tube
-from .studies.tubes.measurement_result import MeasureOptions as MeasureOptions
-from .studies.tubes.measurement_result import TubeMeasurement as TubeMeasurement  # returned
-from .studies.tubes.measurement_result import SegmentMeasurement as SegmentMeasurement  # returned
+from .studies.tubes.segment_measurement import MeasureOptions as MeasureOptions
+from .studies.tubes.segment_measurement import TubeMeasurement as TubeMeasurement  # returned
+from .studies.tubes.segment_measurement import SegmentMeasurement as SegmentMeasurement  # returned
 from .studies.tubes.measurement import survey_patterns as survey_patterns
 from .studies.tubes.measurement import PatternSurvey as PatternSurvey  # returned
 from .studies.tubes.teach import teach as teach

@@ -22,15 +22,15 @@ from tubeplanner.output.files.problem_file import (
 )
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.notes import unlimited_notes
-from tubeplanner.studies.tubes.joint_routes import require_ompl
 from tubeplanner.studies.tubes.measurement import PatternSurvey, measure_tube, survey_patterns
-from tubeplanner.studies.tubes.measurement_result import (
+from tubeplanner.studies.tubes.planned_tube import PlannedTube, TubeAnswer
+from tubeplanner.studies.tubes.route import RouteOptions, find_route
+from tubeplanner.studies.tubes.routes import require_ompl
+from tubeplanner.studies.tubes.segment_measurement import (
     MeasureOptions,
     SegmentMeasurement,
     TubeMeasurement,
 )
-from tubeplanner.studies.tubes.planned_tube import PlannedTube, TubeAnswer
-from tubeplanner.studies.tubes.route import RouteOptions, find_route
 from tubeplanner.studies.tubes.teach import TeachOptions
 from tubeplanner.studies.tubes.teach import teach as teach_tube
 from tubeplanner.task.includes import ProblemLayers

@@ -6,9 +6,9 @@ import pytest
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.orientation import rotation_matrix
 from tubeplanner.studies.tubes import configuration_sets as tool_moves
-from tubeplanner.studies.tubes.branch_neighbourhood import folding_joints, is_determined
 from tubeplanner.studies.tubes.clearance_bounds import PairClearance
 from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet, moved_tools
+from tubeplanner.studies.tubes.segment_measurement import folding_joints, is_determined
 from tubeplanner.studies.tubes.segment_search import Box, BoxSearch
 
 NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="no native library")

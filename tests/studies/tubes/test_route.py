@@ -13,9 +13,8 @@ from measured_tubes import random_attack
 from tubeplanner import PlanOptions, RouteOptions, find_route, load_problem, parse_problem, plan
 from tubeplanner.errors import OptionError
 from tubeplanner.outcome import TimeLimitReached
-from tubeplanner.studies.tubes.joint_routes import FreeSpace, RouteSearch
 from tubeplanner.studies.tubes.route import goal_configurations
-from tubeplanner.studies.tubes.tool_corners import reference_tube, tool_corners
+from tubeplanner.studies.tubes.routes import FreeSpace, RouteSearch, reference_tube, tool_corners
 
 GAP = "example:two_link/through_the_gap"
 QUICK = RouteOptions(tries=1, samples=200)
@@ -41,8 +40,7 @@ def searched(gap):
     """Return the free space, a search in it and the route of seed 1."""
     ends = np.array([gap.start, gap.goal])
     space = FreeSpace(gap, 0.01, ends)
-    limits = gap.robot.limits
-    search = RouteSearch(space, gap.start, ends[1:], limits.lower_position, limits.upper_position)
+    search = RouteSearch(space, gap.start, ends[1:])
     return space, search, search.route(1, 20_000)
 
 
@@ -101,7 +99,7 @@ def test_a_route_is_free_where_the_straight_line_is_not_and_the_same_for_the_sam
 
 def test_lines_between_corners_are_straight_and_free(gap, searched):
     space, _, route = searched
-    corners = tool_corners(gap.robot, space, route)
+    corners = tool_corners(space, route)
     assert 3 <= len(corners.points) <= 5
     for a, b, q in zip(corners.points, corners.points[1:], corners.lines, strict=False):
         tool = gap.robot.tool_position(q)
@@ -110,7 +108,7 @@ def test_lines_between_corners_are_straight_and_free(gap, searched):
         assert np.linalg.norm(tool - a - along * (b - a), axis=1).max() < 1e-5
         assert abs(np.diff(q, axis=0)).max() <= 0.3
         assert all(space.is_free(each) for each in q)
-    fine = tool_corners(gap.robot, space, route, deviation=0.005)
+    fine = tool_corners(space, route, deviation=0.005)
     assert len(fine.points) > len(corners.points)
 
 
@@ -119,7 +117,9 @@ def test_clearance_is_the_distance_beyond_the_required_one():
     problem = cell(start={"joints": [0, 0]}, obstacles=ball, clearance=0.01)
     # The second link ends 0.62 m from the base; see two_link.urdf.
     space = FreeSpace(problem, 0.0, problem.start[None])
-    assert space.clearance(problem.start) == pytest.approx(0.75 - 0.05 - 0.62 - 0.01, abs=1e-6)
+    assert space.clearances(problem.start).min() == pytest.approx(
+        0.75 - 0.05 - 0.62 - 0.01, abs=1e-6
+    )
     assert space.is_free(problem.start)
     wider = FreeSpace(problem, 0.1, np.array([[1.0, 0]]))
     assert wider.shortfall(problem.start).obstacle == "ball"

@@ -5,10 +5,9 @@ import pytest
 
 from tubeplanner import MeasureOptions
 from tubeplanner.first_guess.branches import redundancy_rules, reference_branch
-from tubeplanner.studies.tubes.branch_neighbourhood import BranchNeighbourhood
 from tubeplanner.studies.tubes.clearance_bounds import PairClearance, search_counterexamples
 from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet
-from tubeplanner.studies.tubes.segment_search import KeptSegments
+from tubeplanner.studies.tubes.segment_measurement import BranchNeighbourhood
 
 QUICK = MeasureOptions(samples=300)
 
@@ -51,7 +50,7 @@ def test_descents_find_what_chance_does_not(post):
 
 
 def test_a_measured_segment_serves_again_where_it_is_the_same(post):
-    branch, kept = reference_branch(post, redundancy_rules(post)[0]), KeptSegments()
+    branch, kept = reference_branch(post, redundancy_rules(post)[0]), {}
     first, second, *_ = branch.segments
     around = BranchNeighbourhood(post, branch, QUICK)
     found = around.kept_search(0, first, kept)
@@ -61,5 +60,6 @@ def test_a_measured_segment_serves_again_where_it_is_the_same(post):
     assert again.described(0, same).radius == found.allowed.radius
     assert around.kept_search(1, second, kept).box is not found.box
     # It does not serve a branch that leaves the set.
-    assert kept.around(around._key(0), post, 0, first) is not None
-    assert kept.around(around._key(0), post, 0, first + np.array([0.5, 0.0])) is None
+    ((boxes, _),) = next(iter(kept.values()))
+    assert boxes.moved_to(post, 0, found, first) is not None
+    assert boxes.moved_to(post, 0, found, first + np.array([0.5, 0.0])) is None

@@ -26,19 +26,18 @@ from tubeplanner.outcome import (
     ProgressCallback,
     require_callback,
 )
-from tubeplanner.studies.tubes.branch_neighbourhood import (
-    EXTRA_CLEARANCES,
-    BranchNeighbourhood,
-    folding_joints,
-)
 from tubeplanner.studies.tubes.clearance_bounds import PairClearance
 from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet
-from tubeplanner.studies.tubes.measurement_result import (
+from tubeplanner.studies.tubes.segment_measurement import (
+    EXTRA_CLEARANCES,
+    BranchNeighbourhood,
+    KeptSegments,
     MeasureOptions,
     SegmentMeasurement,
     TubeMeasurement,
+    folding_joints,
 )
-from tubeplanner.studies.tubes.segment_search import KeptSegments, SegmentSearch, SetPreferences
+from tubeplanner.studies.tubes.segment_search import SegmentSearch, SetPreferences
 from tubeplanner.task.endpoints import Seed
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
@@ -122,7 +121,9 @@ def measured_tube(
     widest = whole.with_tube(whole.tube.with_radius(options.max_radius))
     try:
         widest, _ = configured_ends(widest)
-        results = _segments_of_some_branch(widest, options, clock, guide, cache or KeptSegments())
+        results = _segments_of_some_branch(
+            widest, options, clock, guide, {} if cache is None else cache
+        )
     except Infeasible as reason:
         return TubeMeasurement(
             reason.status, str(reason), reason.location, measuring_time=clock.elapsed
@@ -207,7 +208,7 @@ def _segments(
         clock.announce(
             Progress(f"searching for counterexamples in segment {k + 1} of {around.count}")
         )
-        final.append(around.described(k, around.without_counterexamples(k, search)))
+        final.append(around.described(k, around.search(k, search.preferences, search.box)))
     return tuple(final)
 
 

@@ -17,11 +17,14 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.second_stage import followed_plan
 from tubeplanner.planning.strategy import plan
-from tubeplanner.studies.tubes.joint_routes import FreeSpace
 from tubeplanner.studies.tubes.measurement import measured_tube
-from tubeplanner.studies.tubes.measurement_result import MeasureOptions
-from tubeplanner.studies.tubes.segment_search import KeptSegments
-from tubeplanner.studies.tubes.tool_corners import ToolCorners, reference_tube, with_another_corner
+from tubeplanner.studies.tubes.routes import (
+    FreeSpace,
+    ToolCorners,
+    reference_tube,
+    with_another_corner,
+)
+from tubeplanner.studies.tubes.segment_measurement import KeptSegments, MeasureOptions
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 
@@ -77,7 +80,7 @@ def measured_plan(
         Infeasible: The tube is too narrow, or there is no certified trajectory in it.
         TimeLimitReached: The clock's limit has passed.
     """
-    cache = KeptSegments()
+    cache: KeptSegments = {}
     for parted in range(_MAX_PARTINGS + 1):
         whole = in_tube(problem, corners, band, options.max_radius)
         try:
@@ -96,7 +99,7 @@ def measured_plan(
             if not is_blocked or parted == _MAX_PARTINGS:
                 raise
             assert segment is not None
-            finer = with_another_corner(problem.robot, space, corners, segment)
+            finer = with_another_corner(space, corners, segment)
             if finer is None:
                 raise
             corners = finer

@@ -22,8 +22,6 @@ from tubeplanner.outcome import (
     require_callback,
     until_stopped,
 )
-from tubeplanner.robot.model import RobotModel
-from tubeplanner.studies.tubes.joint_routes import FreeSpace, RouteSearch, require_ompl
 from tubeplanner.studies.tubes.planned_tube import (
     PlannedTube,
     TubeAnswer,
@@ -34,7 +32,14 @@ from tubeplanner.studies.tubes.planned_tube import (
     measured_plan,
     plan_under,
 )
-from tubeplanner.studies.tubes.tool_corners import ToolCorners, tool_corners
+from tubeplanner.studies.tubes.routes import (
+    FreeSpace,
+    RouteSearch,
+    ToolCorners,
+    require_ompl,
+    tool_corners,
+)
+from tubeplanner.studies.tubes.segment_measurement import samples_of
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- A tube from start, goal and obstacles alone: the question that Suh & Bishop 1988 left open.
@@ -147,19 +152,6 @@ def find_route(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Compared:
-    """A route whose trajectory through a tube of the common radius is certified."""
-
-    route: RouteCandidate
-    planned: PlannedTube
-
-    @property
-    def guide(self) -> FloatArray:
-        assert self.planned.result.trajectory is not None
-        return self.planned.result.trajectory.per_piece(_SAMPLES_PER_PIECE).position
-
-
 class _RouteFinder:
     """The steps from a problem to the tube of its fastest route.
 
@@ -220,12 +212,12 @@ class _RouteFinder:
             return
         self._step = 3
         self.clock.enter("planning along the fastest route")
-        first = fastest[0].planned.problem
+        first = fastest[0][1].problem
         self._offer(PlannedTube(first, plan_under(self.clock, first)))
         self._step = 4
         try:
             self.measured = self._measured(
-                [(each.route, each.guide) for each in fastest[:_MAX_MEASURED]]
+                [(route, samples_of(planned.result)) for route, planned in fastest[:_MAX_MEASURED]]
             )
         except Infeasible as reason:
             self._notes.append(
@@ -242,9 +234,11 @@ class _RouteFinder:
             f"{_STEPS}: there may be a faster tube"
         )
 
-    def _fastest_first(self, routes: list[RouteCandidate]) -> list[_Compared]:
+    def _fastest_first(
+        self, routes: list[RouteCandidate]
+    ) -> list[tuple[RouteCandidate, PlannedTube]]:
         """Return the routes with a certified trajectory in equal tubes, by its duration."""
-        compared: list[_Compared] = []
+        compared: list[tuple[RouteCandidate, PlannedTube]] = []
         for k, route in enumerate(routes):
             if compared and self.clock.used > _COMPARING_FRACTION:
                 break
@@ -255,9 +249,9 @@ class _RouteFinder:
             self._durations.append(result.duration)
             if result.succeeded:
                 planned = PlannedTube(problem, result)
-                compared.append(_Compared(route, planned))
+                compared.append((route, planned))
                 self._offer(planned)
-        return sorted(compared, key=lambda each: each.planned.duration)
+        return sorted(compared, key=lambda each: each[1].duration)
 
     def _measured(self, routes: list[tuple[RouteCandidate, FloatArray | None]]) -> PlannedTube:
         """Return the measured tube of the first route that has the space and a trajectory.
@@ -295,7 +289,6 @@ class _RouteFinder:
 # short.
 _MARGINS = (0.03, 0.01)
 _MIN_MARGIN = 0.002  # where there is no route with more
-_SAMPLES_PER_PIECE = 10
 _FRACTION_OF_TIME = 0.3  # of a time limit, after which no more routes are searched if there is one
 
 
@@ -323,16 +316,15 @@ def route_candidates(
     """
     candidates: list[RouteCandidate] = []
     ends = np.vstack([start, goals])
-    limits = problem.robot.limits
     for margin in (*_MARGINS, _MIN_MARGIN):
         if candidates and margin == _MIN_MARGIN:
             break
         space = FreeSpace(problem, margin, ends)
-        search = RouteSearch(space, start, goals, limits.lower_position, limits.upper_position)
+        search = RouteSearch(space, start, goals)
         for k in range(options.tries):
             clock.enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
             route = search.route(options.seed + k, options.checks, lambda: clock.remaining <= 0)
-            candidates += _candidates(problem.robot, space, route)
+            candidates += _candidates(space, route)
             if candidates and clock.used > _FRACTION_OF_TIME:
                 return sorted(candidates, key=lambda candidate: candidate.joint_time)
     if not candidates:
@@ -350,22 +342,19 @@ def route_candidates(
     for margin in _MARGINS:
         clock.enter(f"a trajectory without a route, {1000 * margin:g} mm from obstacles")
         wider = replace(problem.farther_apart(margin), goal=goals[0])
-        trajectory = plan_under(clock, wider, "fast").trajectory
-        q = None if trajectory is None else trajectory.per_piece(_SAMPLES_PER_PIECE).position
-        guide = _candidates(problem.robot, space, q)
+        guide = _candidates(space, samples_of(plan_under(clock, wider, "fast")))
         candidates += guide
         if guide or clock.used > _FRACTION_OF_TIME:
             break
     return sorted(candidates, key=lambda candidate: candidate.joint_time)
 
 
-def _candidates(
-    robot: RobotModel, space: FreeSpace, route: FloatArray | None
-) -> list[RouteCandidate]:
-    corners = None if route is None else tool_corners(robot, space, route)
+def _candidates(space: FreeSpace, route: FloatArray | None) -> list[RouteCandidate]:
+    corners = None if route is None else tool_corners(space, route)
     if corners is None:
         return []
-    speed = np.where(np.isfinite(robot.limits.velocity), robot.limits.velocity, 1.0)
+    speed = space.robot.limits.velocity
+    speed = np.where(np.isfinite(speed), speed, 1.0)
     steps = np.concatenate([abs(np.diff(q, axis=0)) / speed for q in corners.lines])
     return [RouteCandidate(space, corners, joint_time=float(steps.max(axis=1).sum()))]
 

@@ -14,7 +14,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.studies.tubes.clearance_bounds import (
     CounterexampleSearch,
     PairClearance,
@@ -163,21 +164,6 @@ class SetPreferences:
 
 
 @dataclass(frozen=True, eq=False)
-class Collision:
-    """A collision in the surroundings that every set must hold.
-
-    Attributes:
-        q: A configuration in which links are too close, shape (n,).
-        pair: The pair of shapes that is too close.
-        clearance: Its clearance [m], negative.
-    """
-
-    q: FloatArray
-    pair: int
-    clearance: float
-
-
-@dataclass(frozen=True, eq=False)
 class SegmentSearch:
     """The largest set found for a segment.
 
@@ -231,22 +217,130 @@ class CollisionBoxes:
         self._lower, self._upper = core
         radius = float(problem.tube.effective_radius[segment])
         tool = ConfigurationSet(problem, segment, lower, upper, radius).tool_distance(branch)
-        self.radius = min(radius, float(_up(tool.max() + _MIN_RADIUS)))
-        self.widest = np.concatenate(
-            [
-                [radius - self.radius],
-                np.minimum(self._lower - lower, _MAX_RANGE),
-                np.minimum(upper - self._upper, _MAX_RANGE),
-            ]
-        )
+        self._radius = min(radius, float(_up(tool.max() + _MIN_RADIUS)))
+        below, above = self._lower - lower, upper - self._upper
+        ranges = np.minimum(np.concatenate([below, above]), _MAX_RANGE)
+        self._widest = np.append(radius - self._radius, ranges)
         # Known collisions, the pairs that collide, their distances beyond the core.
-        self.q = np.zeros((0, branch.shape[1]))
-        self.pair = np.zeros(0, dtype=np.int64)
-        self.beyond = np.zeros((0, len(self.widest)))
+        self._q = np.zeros((0, branch.shape[1]))
+        self._pair = np.zeros(0, dtype=np.int64)
+        self._beyond = np.zeros((0, len(self._widest)))
         # Sets in which a search found nothing, and that search.
         self._cleared: list[tuple[ConfigurationSet, CounterexampleSearch]] = []
 
-    def allowed(self, extent: FloatArray) -> ConfigurationSet:
+    def needed(self, q: FloatArray) -> FloatArray:
+        """Return the extents beyond the core that hold configurations (N, n), shape (1 + 2n,)."""
+        return np.asarray(np.maximum(self._beyond_core(q).max(axis=0, initial=0.0), 0.0))
+
+    def moved_to(
+        self, problem: PlanningProblem, segment: int, search: "SegmentSearch", branch: FloatArray
+    ) -> "tuple[CollisionBoxes, SegmentSearch] | None":
+        """Return the same boxes and set for the same segment of another problem.
+
+        None if they do not hold another branch (P, n).
+        """
+        old = search.allowed
+        allowed = ConfigurationSet(problem, segment, old.lower, old.upper, old.radius)
+        if self._in_core().any() or not allowed.contains(branch).all():
+            return None
+        boxes = copy(self)
+        boxes._problem, boxes._segment = problem, segment
+        return boxes, replace(search, allowed=allowed)
+
+    def require_free_core(self, samples: int, rng: np.random.Generator) -> None:
+        """Raise Infeasible if a quick search finds a collision in the core; as `search`."""
+        core, budget = self._allowed(np.zeros_like(self._widest)), samples // _FIRST_FRACTION + 1
+        result = search_counterexamples(core, self._pair_clearance, budget, rng)
+        if not result.failed:
+            raise self._blocked(result.q, result.pair)
+
+    def search(
+        self,
+        samples: int,
+        rng: np.random.Generator,
+        preferences: SetPreferences,
+        within: Box | None = None,
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> SegmentSearch:
+        """Return the largest set found around the branch.
+
+        Args:
+            samples: Number of configurations of the counterexample search that must find nothing.
+            rng: Random numbers.
+            preferences: Trade of radius and ranges.
+            within: A box that the set must lie in; None: any.
+            checkpoint: Called before every counterexample search; it may raise to end the work.
+
+        Raises:
+            Infeasible: Status tube_blocked: a collision leaves no set, or searches do not end.
+        """
+        sides, clearance = np.ones(len(self._widest) - 1), self._pair_clearance
+        enough = np.concatenate([self._widest[:1], _ENOUGH_RANGE * sides])
+        if preferences.needed is not None:
+            enough = preferences.needed + np.concatenate([[_EXTRA_RADIUS], _EXTRA_RANGE * sides])
+        search = BoxSearch(
+            margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
+            worth=np.concatenate([[preferences.radius_worth], sides]),
+            enough=np.minimum(self._widest, enough),
+            already=np.concatenate([[self._radius], WANTED_RANGE * sides]),
+            rng=rng,
+        )
+        budget = samples // _FIRST_FRACTION + 1
+        if len(self._q) == 0:
+            self.require_free_core(samples, rng)
+            q = self._allowed(self._widest).sample(_FIRST_SAMPLES, rng)
+            least = clearance.least(q, 0.0)
+            self._learn(q[least.clearance < 0], least.pair[least.clearance < 0])
+        total, within = 0, within or Box(self._widest, np.full(len(self._widest), -1))
+        for number in range(_MAX_ROUNDS):
+            in_core = self._in_core()
+            if in_core.any():
+                raise self._blocked(self._q[in_core], self._pair[in_core])
+            checkpoint()
+            box = search.best(self._beyond, within)
+            allowed = self._allowed(box.extent)
+            known = (
+                old
+                for cleared, old in self._cleared
+                if old.tried >= samples and cleared.is_as(allowed)
+            )
+            last = next(known, None)
+            if last is None:
+                result = search_counterexamples(allowed, clearance, budget, rng)
+                while result.failed and result.tried < samples:
+                    more = min(result.tried, samples - result.tried)
+                    result = result.then(search_counterexamples(allowed, clearance, more, rng))
+                    within = box
+                total += result.samples
+                if result.failed:
+                    last = result
+                    self._cleared.append((allowed, last))
+            if last is not None:
+                return SegmentSearch(allowed, box, preferences, self._q, self._pair, last, total)
+            self._learn(result.q, result.pair)
+            if number >= _FREE_ROUNDS:
+                within = box
+        raise self._blocked(result.q, result.pair)
+
+    def _in_core(self) -> BoolArray:
+        """Return True for the collisions inside the core, which no box leaves out."""
+        return np.asarray((self._beyond <= 0).all(axis=1))
+
+    def _blocked(self, q: FloatArray, pair: IntArray) -> Infeasible:
+        """Return the reason for no set: the deepest of some collisions."""
+        clearance, _ = self._pair_clearance.of_pairs(q, pair)
+        worst = int(clearance.argmin())
+        shapes = self._pair_clearance.pairs[pair[worst]]
+        location = pair_location(self._problem, self._segment, q[worst], shapes)
+        return Infeasible(
+            PlanStatus.TUBE_BLOCKED,
+            f"there is no free space around the branch in segment {location.segment}: within its "
+            f"own joint ranges {location}, {-1000 * clearance[worst]:.1f} mm too close; split the "
+            "segment by another reference point, or move it",
+            location,
+        )
+
+    def _allowed(self, extent: FloatArray) -> ConfigurationSet:
         """Return the set that reaches by extents (1 + 2n,) beyond the branch, in round numbers."""
         below, above = extent[1:].reshape(2, -1)
         lower = np.minimum(_up(self._lower - below), self._lower)
@@ -254,16 +348,12 @@ class CollisionBoxes:
         # A bound that the problem has anyway stays as it is.
         lower = np.where(below >= self._lower - self._outer_lower, self._outer_lower, lower)
         upper = np.where(above >= self._outer_upper - self._upper, self._outer_upper, upper)
-        radius = max(float(_down(self.radius + extent[0])), self.radius)
+        radius = max(float(_down(self._radius + extent[0])), self._radius)
         return ConfigurationSet(self._problem, self._segment, lower, upper, radius)
 
-    def needed(self, q: FloatArray) -> FloatArray:
-        """Return the extents beyond the core that hold configurations (N, n), shape (1 + 2n,)."""
-        return np.asarray(np.maximum(self._beyond_core(q).max(axis=0, initial=0.0), 0.0))
-
-    def learn(self, q: FloatArray, pair: IntArray) -> None:
+    def _learn(self, q: FloatArray, pair: IntArray) -> None:
         """Add collisions: configurations (C, n) and their pairs (C,)."""
-        fraction = self._beyond_core(q) / np.maximum(self.widest, _MIN_RANGE)
+        fraction = self._beyond_core(q) / np.maximum(self._widest, _MIN_RANGE)
         nearest = np.argsort(fraction.max(axis=1))[:_MAX_MOVED]
         # The first collisions on joint lines from the branch to these.
         apart = np.linalg.norm(q[nearest, None] - self._branch, axis=2)
@@ -277,39 +367,23 @@ class CollisionBoxes:
             free, hit = np.where(collides, free, middle), np.where(collides, middle, hit)
         q = q.copy()
         q[nearest] = begin + hit * away
-        self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
-        self.beyond = np.concatenate([self.beyond, self._beyond_core(q)])
-
-    def moved_to(self, problem: PlanningProblem, segment: int) -> "CollisionBoxes":
-        """Return the same boxes for the same segment of another problem."""
-        boxes = copy(self)
-        boxes._problem, boxes._segment = problem, segment
-        return boxes
-
-    def clear(self, allowed: ConfigurationSet, search: CounterexampleSearch) -> None:
-        """Remember a set in which a search found nothing."""
-        self._cleared.append((allowed, search))
-
-    def cleared(self, allowed: ConfigurationSet, samples: int) -> CounterexampleSearch | None:
-        """Return a remembered search of the same set with at least `samples` samples, or None."""
-        for other, search in self._cleared:
-            if search.tried >= samples and other.is_as(allowed):
-                return search
-        return None
-
-    def collision(self) -> Collision | None:
-        """Return the deepest collision inside the core, which no box leaves out, or None."""
-        inside = np.flatnonzero((self.beyond <= 0).all(axis=1))
-        if len(inside) == 0:
-            return None
-        depth, _ = self._pair_clearance.of_pairs(self.q[inside], self.pair[inside])
-        worst = int(inside[depth.argmin()])
-        return Collision(self.q[worst], int(self.pair[worst]), float(depth.min()))
+        self._q, self._pair = np.concatenate([self._q, q]), np.concatenate([self._pair, pair])
+        self._beyond = np.concatenate([self._beyond, self._beyond_core(q)])
 
     def _beyond_core(self, q: FloatArray) -> FloatArray:
         core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
         tool = core.tool_distance(q)[:, None]
-        return np.hstack([tool - self.radius, self._lower - q, q - self._upper])
+        return np.hstack([tool - self._radius, self._lower - q, q - self._upper])
+
+
+def pair_location(
+    problem: PlanningProblem, k: int, q: FloatArray, pair: IntArray, joint: str | None = None
+) -> Location:
+    """Return links, obstacle and tool position of a pair of shapes in a configuration (n,)."""
+    links, obstacle = problem.collision.owners(pair)
+    number = problem.tube.segment_number(k)
+    location = Location(joint=joint, segment=number, links=links, obstacle=obstacle)
+    return location.at(problem.robot.tool_position(q[None])[0])
 
 
 def range_core(
@@ -321,94 +395,6 @@ def range_core(
     return lower, upper
 
 
-def search_core(
-    boxes: CollisionBoxes, clearance: PairClearance, samples: int, rng: np.random.Generator
-) -> Collision | None:
-    """Return a collision in the core of boxes, or None if a quick search finds none.
-
-    Args:
-        boxes: Around the branch.
-        clearance: Of the pairs of links.
-        samples: Number of configurations of the search that must find nothing.
-        rng: Random numbers.
-    """
-    core = boxes.allowed(np.zeros_like(boxes.widest))
-    result = search_counterexamples(core, clearance, samples // _FIRST_FRACTION + 1, rng)
-    return None if result.failed else _collision(result, clearance)
-
-
-def search_segment(
-    boxes: CollisionBoxes,
-    clearance: PairClearance,
-    samples: int,
-    rng: np.random.Generator,
-    preferences: SetPreferences | None = None,
-    within: Box | None = None,
-    checkpoint: Callable[[], None] = lambda: None,
-) -> SegmentSearch | Collision:
-    """Return the largest set found around a branch, or a collision that leaves none.
-
-    Args:
-        boxes: Around the branch; they store the collisions that searches find.
-        clearance: Of the pairs of links.
-        samples: Number of configurations of the counterexample search that must find nothing.
-        rng: Random numbers.
-        preferences: Trade of radius and ranges; default: radii count, ranges a little.
-        within: A box that the set must lie in; default: none.
-        checkpoint: Called before every counterexample search; it may raise to end the work.
-    """
-    preferences = preferences or SetPreferences()
-    sides = np.ones(len(boxes.widest) - 1)
-    enough = np.concatenate([boxes.widest[:1], _ENOUGH_RANGE * sides])
-    if preferences.needed is not None:
-        enough = preferences.needed + np.concatenate([[_EXTRA_RADIUS], _EXTRA_RANGE * sides])
-    search = BoxSearch(
-        margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
-        worth=np.concatenate([[preferences.radius_worth], sides]),
-        enough=np.minimum(boxes.widest, enough),
-        already=np.concatenate([[boxes.radius], WANTED_RANGE * sides]),
-        rng=rng,
-    )
-    budget = samples // _FIRST_FRACTION + 1
-    if len(boxes.q) == 0:
-        collision = search_core(boxes, clearance, samples, rng)
-        if collision is not None:
-            return collision
-        q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
-        least = clearance.least(q, 0.0)
-        boxes.learn(q[least.clearance < 0], least.pair[least.clearance < 0])
-    total, within = 0, within or Box(boxes.widest, np.full(len(boxes.widest), -1))
-    for number in range(_MAX_ROUNDS):
-        collision = boxes.collision()
-        if collision is not None:
-            return collision
-        checkpoint()
-        box = search.best(boxes.beyond, within)
-        allowed = boxes.allowed(box.extent)
-        cleared = boxes.cleared(allowed, samples)
-        if cleared is not None:
-            return SegmentSearch(allowed, box, preferences, boxes.q, boxes.pair, cleared, total)
-        result = search_counterexamples(allowed, clearance, budget, rng)
-        while result.failed and result.tried < samples:
-            more = min(result.tried, samples - result.tried)
-            result = result.then(search_counterexamples(allowed, clearance, more, rng))
-            within = box
-        total += result.samples
-        if result.failed:
-            boxes.clear(allowed, result)
-            return SegmentSearch(allowed, box, preferences, boxes.q, boxes.pair, result, total)
-        boxes.learn(result.q, result.pair)
-        if number >= _FREE_ROUNDS:
-            within = box
-    return _collision(result, clearance)
-
-
-def _collision(result: CounterexampleSearch, clearance: PairClearance) -> Collision:
-    depth, _ = clearance.of_pairs(result.q, result.pair)
-    worst = int(depth.argmin())
-    return Collision(result.q[worst], int(result.pair[worst]), float(depth[worst]))
-
-
 def _down(values: FloatArray) -> FloatArray:
     """Return the next round numbers below values."""
     return np.asarray(np.round(np.floor(values * 10.0**_DECIMALS) / 10.0**_DECIMALS, _DECIMALS))
@@ -417,35 +403,3 @@ def _down(values: FloatArray) -> FloatArray:
 def _up(values: FloatArray) -> FloatArray:
     """Return the next round numbers above values."""
     return -_down(-values)
-
-
-class KeptSegments:
-    """Results of measured segments by key, kept while the segments beside are parted.
-
-    A set serves another branch, too, if that branch lies inside.
-    """
-
-    def __init__(self) -> None:
-        self._searches: dict[bytes, list[tuple[CollisionBoxes, SegmentSearch]]] = {}
-
-    def keep(self, key: bytes, boxes: CollisionBoxes, search: SegmentSearch) -> None:
-        """Keep the result of a segment."""
-        self._searches.setdefault(key, []).append((boxes, search))
-
-    def around(
-        self, key: bytes, problem: PlanningProblem, segment: int, branch: FloatArray
-    ) -> tuple[CollisionBoxes, SegmentSearch] | None:
-        """Return kept boxes and set of a segment that hold a branch (P, n), or None.
-
-        Args:
-            key: `BranchNeighbourhood` key: all that the result depends on, beside the branch.
-            problem: The problem that has the segment now.
-            segment: Index of the segment there.
-            branch: Configurations along it.
-        """
-        for boxes, search in self._searches.get(key, ()):
-            old = search.allowed
-            allowed = ConfigurationSet(problem, segment, old.lower, old.upper, old.radius)
-            if boxes.collision() is None and allowed.contains(branch).all():
-                return boxes.moved_to(problem, segment), replace(search, allowed=allowed)
-        return None

@@ -22,7 +22,7 @@ from tubeplanner.robot.info import RobotInfo, robot_info
 from tubeplanner.robot.loader import load_robot
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.overrides import LimitOverrides
-from tubeplanner.studies.tubes.branch_neighbourhood import folding_joints
+from tubeplanner.studies.tubes.segment_measurement import folding_joints
 from tubeplanner.task.problem import PlanningProblem
 
 # By quantity and joint.

@@ -13,7 +13,6 @@ from tubeplanner.errors import OptionError, TrajectoryError, shown
 from tubeplanner.geometry.tube.points import simplified
 from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, ProgressCallback
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.studies.tubes.joint_routes import FreeSpace
 from tubeplanner.studies.tubes.planned_tube import (
     MAX_CORNER_SEGMENTS,
     PlannedTube,
@@ -23,7 +22,7 @@ from tubeplanner.studies.tubes.planned_tube import (
     measure_options,
     measured_plan,
 )
-from tubeplanner.studies.tubes.tool_corners import ToolCorners, tool_corners
+from tubeplanner.studies.tubes.routes import FreeSpace, ToolCorners, tool_corners
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- A tube from a recorded trail: its corners, and its joints' ranges between them.
@@ -124,7 +123,7 @@ def _corners(
                 "the clearance, or list a pair that may touch in collision.ignore"
             )
             raise Infeasible(PlanStatus.TUBE_BLOCKED, message, location)
-    corners = tool_corners(problem.robot, space, trail, deviation)
+    corners = tool_corners(space, trail, deviation)
     if corners is None:
         raise Infeasible(
             PlanStatus.TUBE_BLOCKED,

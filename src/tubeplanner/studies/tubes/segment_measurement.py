@@ -1,17 +1,15 @@
-"""The surroundings of a branch, segment by segment; folding joints.
+"""The measurement of a tube's segments around a branch; folding joints; the results."""
 
-Where a folding joint is at zero, the arm is nearer to a singularity than elsewhere: there two
-configurations with the same tool position meet.
-"""
-
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.checks import require_between, require_count
+from tubeplanner.errors import FormerName, OptionError
 from tubeplanner.first_guess.branches import ReferenceBranch
 from tubeplanner.geometry.tube.points import densified
 from tubeplanner.geometry.tube.segment_values import JointRange
@@ -21,20 +19,163 @@ from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.studies.tubes.clearance_bounds import PairClearance
-from tubeplanner.studies.tubes.measurement_result import Binding, MeasureOptions, SegmentMeasurement
 from tubeplanner.studies.tubes.segment_search import (
     WANTED_RANGE,
     Box,
-    Collision,
     CollisionBoxes,
-    KeptSegments,
+    JointBounds,
     SegmentSearch,
     SetPreferences,
+    pair_location,
     range_core,
-    search_core,
-    search_segment,
 )
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import short_repr
+
+# ---- Options and results of measuring.
+
+
+@dataclass(frozen=True)
+class MeasureOptions:
+    """How to measure.
+
+    Attributes:
+        max_radius: Largest radius of a segment [m].
+        samples: Number of configurations of a segment that the last counterexample search draws
+            without finding a collision. Time is proportional.
+        seed: Of the random numbers: the same seed gives the same tube.
+        max_segments: Largest number of segments, since each takes one to two seconds.
+    """
+
+    max_radius: float = 0.2
+    samples: int = 12_000
+    seed: int = 0
+    max_segments: int = 20
+
+    def __post_init__(self) -> None:
+        require_between(self, 0, np.inf, "max_radius", unit="m")
+        require_count(self, 1, "samples")
+        require_count(self, 0, "seed")
+        require_count(self, 1, "max_segments")
+
+    def require_few(self, count: int) -> None:
+        """Check that a tube has few enough segments to be measured.
+
+        Raises:
+            OptionError: The tube has more than `max_segments`.
+        """
+        if count > self.max_segments:
+            raise OptionError(
+                f"measure: {count} segments; at most {self.max_segments} are measured, at one to "
+                "two seconds each: measure a part of the path, leave out points where it hardly "
+                "turns, or allow more (max_segments, --max-segments)"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Binding:
+    """The collision that bounds a radius or a side of a joint range.
+
+    Attributes:
+        bound: "radius", or "lower" or "upper" side of the joint's range.
+        location: Links and obstacle that come too close, the joint, and where the tool is then.
+        configuration: The configuration of the collision, shape (n,) [rad or m].
+    """
+
+    bound: str
+    location: Location
+    configuration: FloatArray
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        location = self.location.as_dict()
+        return {"bound": self.bound, **location, "configuration": self.configuration.tolist()}
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentMeasurement:
+    """The largest set found for a segment.
+
+    Attributes:
+        radius: Of the tube, the tool radius included [m].
+        joint_ranges: By joint name [rad or m]; joints that need no range are left out.
+        bindings: One entry per bound of the set that a collision limits.
+        samples: Number of configurations tested by the last counterexample search, which found no
+            collision.
+        searched: Number of configurations tested by all counterexample searches for this set.
+        collisions: Number of collisions found by all searches; all are outside the set now.
+        least_clearance: Least distance beyond the required one in the last counterexample search
+            [m]; None if no pair came near.
+    """
+
+    radius: float
+    joint_ranges: Mapping[str, JointRange]
+    bindings: tuple[Binding, ...]
+    samples: int
+    searched: int
+    collisions: int
+    least_clearance: float | None
+
+    __repr__ = short_repr
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values; sides of ranges without an end are null."""
+        ranges = {
+            name: [bound if np.isfinite(bound) else None for bound in pair]
+            for name, pair in self.joint_ranges.items()
+        }
+        return {
+            "radius": self.radius,
+            "joint_ranges": ranges,
+            "bindings": [binding.as_dict() for binding in self.bindings],
+            "samples": self.samples,
+            "attacked": self.searched,
+            "collisions": self.collisions,
+            "least_room": self.least_clearance,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TubeMeasurement:
+    """The result of measuring a tube.
+
+    Attributes:
+        status: Success, or why there is no tube.
+        message: One sentence.
+        location: Where, if there is no tube.
+        segments: One per segment; empty unless successful.
+        problem: The planning problem, with the measured tube; None unless successful.
+        measuring_time: Wall time from the loaded problem [s].
+    """
+
+    status: PlanStatus
+    message: str
+    location: Location
+    segments: tuple[SegmentMeasurement, ...] = ()
+    problem: PlanningProblem | None = None
+    measuring_time: float = 0.0
+
+    __repr__ = short_repr
+
+    place = FormerName("location")
+
+    @property
+    def succeeded(self) -> bool:
+        """True if there is a measured tube."""
+        return self.status is PlanStatus.SUCCESS
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time."""
+        return {
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.location.as_dict(),
+            "measuring_time": self.measuring_time,
+            "segments": [segment.as_dict() for segment in self.segments],
+        }
+
+
+# ---- The surroundings of a branch, segment by segment.
 
 # Extra distance beyond the clearance [m], in reserve for later counterexample searches: the second
 # value where the first leaves nothing around the branch.
@@ -43,6 +184,11 @@ _ROUNDING = 1e-9
 _ROUGH_FRACTION = 12  # samples of a thorough measurement over those of a rough one
 _SAMPLES_PER_PIECE = 10
 _MAX_STEP = 0.02  # [rad or m] between tested configurations of the branch
+
+
+# Boxes and sets of measured segments by what they depend on, kept while the segments beside are
+# parted. A set serves another branch, too, if that branch lies inside.
+KeptSegments: TypeAlias = dict[bytes, list[tuple[CollisionBoxes, SegmentSearch]]]
 
 
 class BranchNeighbourhood:
@@ -85,7 +231,7 @@ class BranchNeighbourhood:
             worst = int(nearest.clearance.argmin())
             least = min(least, float(nearest.clearance[worst]))
             if least <= 0:
-                location = _place(problem, k, q[worst], clearance.pairs[nearest.pair[worst]])
+                location = pair_location(problem, k, q[worst], clearance.pairs[nearest.pair[worst]])
                 message = (
                     f"the arm collides on the centre line of segment {location.segment}: {location}"
                     f", {-1000 * least:.1f} mm too close; move the reference points or choose "
@@ -99,10 +245,11 @@ class BranchNeighbourhood:
     def require_space(self, k: int) -> None:
         """Check by a rough search that the branch's own ranges are free."""
         core = range_core(self._problem, k, self._branch[k])
-        boxes = CollisionBoxes(self._problem, k, self._branch[k], core, core, self._pair_clearance)
-        collision = search_core(boxes, self._pair_clearance, self._rough, self._rngs[k])
-        if collision is not None:
-            self._unless_collision(k, collision)
+        self._boxes_of(k, core, core).require_free_core(self._rough, self._rngs[k])
+
+    def _boxes_of(self, k: int, core: JointBounds, outer: JointBounds) -> CollisionBoxes:
+        branch, clearance = self._branch[k], self._pair_clearance
+        return CollisionBoxes(self._problem, k, branch, core, outer, clearance)
 
     def first_search(self, k: int, part: FloatArray | None = None) -> SegmentSearch:
         """Return the result of a rough search for a segment.
@@ -124,25 +271,30 @@ class BranchNeighbourhood:
             signs = sign_bounds(problem, k, branch)
             cores.insert(0, (signs, signs))
         for core, outer in cores:
-            boxes = CollisionBoxes(problem, k, branch, core, outer, self._pair_clearance)
-            self._boxes[k] = boxes
+            boxes = self._boxes[k] = self._boxes_of(k, core, outer)
             preferences = SetPreferences()
             if part is not None:
                 preferences = SetPreferences(boxes.needed(part), 1.0)
-            result = self._searched(k, self._rough, preferences)
-            if isinstance(result, SegmentSearch):
-                return result
-        return self._unless_collision(k, result)
+            try:
+                return self.search(k, preferences)
+            except Infeasible as reason:
+                blocked = reason
+        raise blocked
 
     def kept_search(self, k: int, part: FloatArray, cache: KeptSegments) -> SegmentSearch:
         """Return the kept search of the same segment, or else `first_search`."""
-        problem, key = self._problem, self._key(k)
-        cached = cache.around(key, problem, k, self._branch[k])
-        if cached is not None:
-            self._boxes[k], search = cached
-            return search
+        problem = self._problem
+        # Not the extra clearance: less is tried later, and serves as well.
+        bounds = problem.joint_lower[k], problem.joint_upper[k]
+        key = np.concatenate([problem.tube.points[k : k + 2].ravel(), *bounds]).tobytes()
+        kept = cache.setdefault(key, [])
+        for boxes, search in kept:
+            moved = boxes.moved_to(problem, k, search, self._branch[k])
+            if moved is not None:
+                self._boxes[k], search = moved
+                return search
         search = self.first_search(k, part)
-        cache.keep(key, self._boxes[k], search)
+        kept.append((self._boxes[k], search))
         return search
 
     def parts(self, q: FloatArray) -> list[FloatArray]:
@@ -164,14 +316,21 @@ class BranchNeighbourhood:
             beyond_range: Width by which joints may leave them [rad or m].
         """
         result = self._planned(sets, beyond_radius, beyond_range)
-        if result.trajectory is None:
+        q = samples_of(result)
+        if q is None:
             return [None] * self.count
-        q = result.trajectory.per_piece(_SAMPLES_PER_PIECE).position
         return [self._boxes[k].needed(part) for k, part in enumerate(self.parts(q))]
 
-    def search(self, k: int, preferences: SetPreferences) -> SegmentSearch:
-        """Return the result of a rough search, with the collisions known so far."""
-        return self._unless_collision(k, self._searched(k, self._rough, preferences))
+    def search(
+        self, k: int, preferences: SetPreferences, within: Box | None = None
+    ) -> SegmentSearch:
+        """Return the result of a search with the collisions known so far.
+
+        A rough search; within a box a thorough one: it gives the largest set there without a
+        counterexample.
+        """
+        samples = self._rough if within is None else self._samples
+        return self._boxes[k].search(samples, self._rngs[k], preferences, within, self._checkpoint)
 
     def has_trajectory(self, sets: list[SegmentSearch]) -> bool:
         """Return True if fast planning finds a certified trajectory within sets."""
@@ -191,11 +350,6 @@ class BranchNeighbourhood:
         problem = self._problem.with_tube(other)
         return plan(problem, PlanOptions(quality="fast", slack=0.0, robust=False))
 
-    def without_counterexamples(self, k: int, search: SegmentSearch) -> SegmentSearch:
-        """Return the largest set within another that a thorough counterexample search leaves."""
-        last = self._searched(k, self._samples, search.preferences, search.box)
-        return self._unless_collision(k, last)
-
     def described(self, k: int, search: SegmentSearch) -> SegmentMeasurement:
         """Return the result of a search as radius and joint ranges of a tube segment."""
         problem, least = self._problem, search.last.least_clearance
@@ -205,7 +359,7 @@ class BranchNeighbourhood:
         for (bound, joint), blocker in zip(bounds, search.box.blocker, strict=True):
             if blocker >= 0:
                 q = search.q[blocker]
-                location = _place(problem, k, q, pairs[search.pair[blocker]], joint)
+                location = pair_location(problem, k, q, pairs[search.pair[blocker]], joint)
                 bindings.append(Binding(bound, location, q))
         return SegmentMeasurement(
             radius=search.allowed.radius + problem.tube.tool_radius,
@@ -217,38 +371,11 @@ class BranchNeighbourhood:
             least_clearance=least if np.isfinite(least) else None,
         )
 
-    def _key(self, k: int) -> bytes:
-        """Return all that a segment's measurement depends on, beside its branch.
 
-        Not the extra clearance: less is tried later, and serves as well.
-        """
-        problem = self._problem
-        bounds = problem.joint_lower[k], problem.joint_upper[k]
-        return np.concatenate([problem.tube.points[k : k + 2].ravel(), *bounds]).tobytes()
-
-    def _searched(
-        self, k: int, samples: int, preferences: SetPreferences, within: Box | None = None
-    ) -> SegmentSearch | Collision:
-        return search_segment(
-            self._boxes[k],
-            self._pair_clearance,
-            samples,
-            self._rngs[k],
-            preferences,
-            within,
-            self._checkpoint,
-        )
-
-    def _unless_collision(self, k: int, result: SegmentSearch | Collision) -> SegmentSearch:
-        if isinstance(result, SegmentSearch):
-            return result
-        location = _place(self._problem, k, result.q, self._pair_clearance.pairs[result.pair])
-        message = (
-            f"there is no free space around the branch in segment {location.segment}: within its "
-            f"own joint ranges {location}, {-1000 * result.clearance:.1f} mm too close; split the "
-            "segment by another reference point, or move it"
-        )
-        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, location)
+def samples_of(result: PlanResult) -> FloatArray | None:
+    """Return configurations along a planned trajectory, shape (N, n); None without one."""
+    motion = result.trajectory
+    return None if motion is None else motion.per_piece(_SAMPLES_PER_PIECE).position
 
 
 def _ranges(
@@ -269,15 +396,6 @@ def _ranges(
         elif not (from_lowest and to_highest):
             ranges[name] = (lower, upper)
     return ranges
-
-
-def _place(
-    problem: PlanningProblem, k: int, q: FloatArray, pair: Any, joint: str | None = None
-) -> Location:
-    links, obstacle = problem.collision.owners(pair)
-    number = problem.tube.segment_number(k)
-    location = Location(joint=joint, segment=number, links=links, obstacle=obstacle)
-    return location.at(problem.robot.tool_position(q[None])[0])
 
 
 # ---- The joints whose signs distinguish an arm's configurations: elbows, and joints like them.
