@@ -1,13 +1,13 @@
 """Conditions on efforts: limits, torque-speed lines, rates."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tubeplanner.arrays import BoolArray, FloatArray
-from tubeplanner.certificate.directed_efforts import DirectedEfforts
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.certificate.enclosed_quantities import enclosed_effort_rates
 from tubeplanner.certificate.enclosure import Enclosure
+from tubeplanner.certificate.joint_conditions import NOT_LIMITED
 from tubeplanner.certificate.judged_motion import (
     EFFORT_ENCLOSURE,
     FOR_ALL_TIMES,
@@ -19,7 +19,9 @@ from tubeplanner.certificate.judged_motion import (
 )
 from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.trajectory.polynomials import maxima, peak_magnitudes
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.parts import MonotoneIntervals, SignChanges, sign_changes
+from tubeplanner.trajectory.polynomials import maxima, peak_magnitudes, restricted
 
 
 def judge_effort(motion: JudgedMotion) -> JudgedCondition:
@@ -31,7 +33,7 @@ def judge_effort(motion: JudgedMotion) -> JudgedCondition:
     """
     limit = motion.robot.limits.effort
     if not np.isfinite(limit).any():
-        return not_required(RELATIVE, "no joint has this limit")
+        return NOT_LIMITED
     motors = motion.robot.motors
     directed = (motors.backwards_friction > 0) | (motors.forwards_friction > 0)
     if motors.friction_uncertainty > 0:
@@ -42,7 +44,7 @@ def judge_effort(motion: JudgedMotion) -> JudgedCondition:
     if np.isfinite(plain).any():
         judged.append(judged_peak(motion, motion.smooth_efforts, plain, EFFORT_ENCLOSURE))
     if directed.any():
-        efforts = motion.efforts_of(np.flatnonzero(directed))
+        efforts = directed_efforts(motion, np.flatnonzero(directed))
         excess = [
             efforts.most(sign) - _effort_allowed(motion.robot, efforts, sign)
             for sign in (1.0, -1.0)
@@ -51,7 +53,7 @@ def judge_effort(motion: JudgedMotion) -> JudgedCondition:
     return min(judged, key=lambda each: each.margin or 0.0)
 
 
-def _effort_allowed(robot: RobotModel, efforts: DirectedEfforts, sign: float) -> FloatArray:
+def _effort_allowed(robot: RobotModel, efforts: "DirectedEfforts", sign: float) -> FloatArray:
     """Return the limits in one direction as polynomials, (N, R)."""
     allowed = np.zeros_like(efforts.effort)
     allowed[-1] = robot.limits.effort[efforts.joint]
@@ -74,7 +76,7 @@ def judge_motor_curve(motion: JudgedMotion) -> JudgedCondition:
     motors = motion.robot.motors
     if not motors.has_curve.any():
         return not_required(RELATIVE, "no motor has a torque-speed line")
-    efforts = motion.efforts_of(np.flatnonzero(motors.has_curve))
+    efforts = directed_efforts(motion, np.flatnonzero(motors.has_curve))
     saturation = motors.saturation_effort[efforts.joint]
     lost = saturation / motors.no_load_velocity[efforts.joint] * efforts.velocity
     excess = np.array([efforts.most(sign) + sign * lost for sign in (1.0, -1.0)])
@@ -83,7 +85,7 @@ def judge_motor_curve(motion: JudgedMotion) -> JudgedCondition:
 
 
 def judged_both_ways(
-    motion: JudgedMotion, efforts: DirectedEfforts, excess: FloatArray, unit: FloatArray
+    motion: JudgedMotion, efforts: "DirectedEfforts", excess: FloatArray, unit: FloatArray
 ) -> JudgedCondition:
     """Judge efforts against the allowed efforts, forwards and backwards.
 
@@ -108,6 +110,8 @@ def judged_both_ways(
     return JudgedCondition(margin, RELATIVE, location, coverage)
 
 
+# ---- Rates of the efforts, inside pieces.
+
 # Error of enclosed rates, as a fraction of their limits: tighter than the certificate's tolerance,
 # so that the planner may use most of that.
 _RATE_ENCLOSURE = 1e-8
@@ -121,7 +125,7 @@ def judge_effort_rate(motion: JudgedMotion) -> JudgedCondition:
     """
     limit = motion.robot.limits.effort_rate
     if not np.isfinite(limit).any():
-        return not_required(RELATIVE, "no joint has this limit")
+        return NOT_LIMITED
     rates = enclosed_effort_rates(motion.robot, motion.trajectory, _RATE_ENCLOSURE * limit)
     judged = judged_peak(motion, rates, limit, _RATE_ENCLOSURE)
     jumps = friction_jumps(motion, np.isfinite(limit))
@@ -183,3 +187,131 @@ def friction_jumps(motion: JudgedMotion, joints: BoolArray) -> str:
         f"Coulomb friction, which is apart, jumps at {len(at)} reversal{'s'[: len(at) > 1]}, by "
         f"at most {jump[joint]:.3g} {unit} ({location})"
     )
+
+
+# ---- Efforts over intervals without reversal, Coulomb friction included, as polynomials.
+
+
+@dataclass(frozen=True, eq=False)
+class DirectedEfforts:
+    """R intervals, each of a joint that moves without reversal and passes no corner of a table.
+
+    Polynomials of a time that runs from 0 to 1 over each interval, highest power first, (N, R). At
+    a reversal one interval ends and the next begins, so that both one-sided limits are covered.
+
+    Attributes:
+        joint: Index of the joint, shape (R,).
+        start: Shape (R,) [s].
+        width: Shape (R,) [s].
+        position: Of the joint [rad or m].
+        velocity: Of the joint [rad/s or m/s].
+        effort: With nominal friction [N m or N].
+        unsure: Uncertainty of the effort by that of friction, never negative [N m or N].
+        error: Bound on the distance of the effort from its polynomial, shape (R,) [N m or N].
+    """
+
+    joint: IntArray
+    start: FloatArray
+    width: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    effort: FloatArray
+    unsure: FloatArray
+    error: FloatArray
+
+    def most(self, sign: float) -> FloatArray:
+        """Return upper bounds on the effort forwards (1) or backwards (-1), polynomials (N, R)."""
+        most = sign * self.effort + self.unsure
+        most[-1] += self.error
+        return most
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """R parts of an enclosure's intervals, shape (R,) each.
+
+    Attributes:
+        joint: Index of the joint.
+        interval: Index of the enclosure's interval.
+        piece: Index of the trajectory's piece.
+        start: Start of the part in the interval, from 0 to 1.
+        end: End of the part in the interval, from 0 to 1.
+    """
+
+    joint: IntArray
+    interval: IntArray
+    piece: IntArray
+    start: FloatArray
+    end: FloatArray
+
+
+def directed_efforts(motion: JudgedMotion, joints: IntArray) -> DirectedEfforts:
+    """Return the efforts of some joints of a motion, indices of shape (k,)."""
+    robot, trajectory, intervals = motion.robot, motion.trajectory, motion.intervals
+    smooth = motion.smooth_efforts
+    parts = _parts(trajectory, smooth, _instants(robot, trajectory, intervals, joints), joints)
+    joint, interval, piece = parts.joint, parts.interval, parts.piece
+    start = smooth.start[interval] + smooth.width[interval] * parts.start
+    width = smooth.width[interval] * (parts.end - parts.start)
+    local = start - trajectory.breakpoints[piece]
+    polynomials = (
+        _on(trajectory.coefficients[:, piece, joint], local, width),
+        _on(trajectory.derivative_coefficients(1)[:, piece, joint], local, width),
+        _on(smooth.coefficients[:, interval, joint], parts.start, parts.end - parts.start),
+    )
+    most = max(map(len, polynomials))  # rows of the highest degree
+    position, velocity, effort = (
+        np.pad(rows, ((most - len(rows), 0), (0, 0))) for rows in polynomials
+    )
+    direction = intervals.at(piece, (local + width / 2) / trajectory.widths[piece])
+    row = np.arange(len(joint))
+    dry = robot.motors.coulomb_effort(direction)[row, joint]
+    friction = robot.motors.viscous_friction[joint] * velocity
+    friction[-1] += dry
+    # Both kinds are against the same direction.
+    unsure = robot.motors.friction_uncertainty * direction[row, joint] * friction
+    effort[-1] += dry
+    error = smooth.error[interval, joint]
+    return DirectedEfforts(joint, start, width, position, velocity, effort, unsure, error)
+
+
+def _instants(
+    robot: RobotModel, trajectory: JointTrajectory, intervals: MonotoneIntervals, joints: IntArray
+) -> SignChanges:
+    """Return the instants at which joints reverse or pass corners of their effort limits."""
+    inside = intervals.start > 0
+    instants = [(intervals.joint[inside], intervals.piece[inside], intervals.start[inside])]
+    for table in robot.limits.effort_ranges:
+        beyond = np.repeat(trajectory.coefficients[:, :, [table.joint]], len(table.position), 2)
+        beyond[-1] -= table.position
+        passed = sign_changes(beyond, trajectory.widths)
+        instants.append((np.full(len(passed.piece), table.joint), passed.piece, passed.fraction))
+    joint, piece, fraction = (np.concatenate(column) for column in zip(*instants, strict=True))
+    counts = np.isin(joint, joints)
+    return SignChanges(joint[counts], piece[counts], fraction[counts])
+
+
+def _parts(
+    trajectory: JointTrajectory, smooth: Enclosure, instants: SignChanges, joints: IntArray
+) -> _Parts:
+    """Return every interval for each joint, cut at the joint's instants."""
+    begin, widths = trajectory.breakpoints, trajectory.widths
+    pieces = np.searchsorted(begin, smooth.start + smooth.width / 2, side="right") - 1
+    count = len(pieces)
+    position = pieces + (smooth.start - begin[pieces]) / widths[pieces]
+    cut = np.searchsorted(position, instants.piece + instants.fraction, side="right") - 1
+    time = begin[instants.piece] + widths[instants.piece] * instants.fraction
+    fraction = np.clip((time - smooth.start[cut]) / smooth.width[cut], 0.0, 1.0)
+    joint = np.append(np.repeat(joints, count), instants.column)
+    interval = np.append(np.tile(np.arange(count), len(joints)), cut)
+    start = np.append(np.zeros(len(joints) * count), fraction)
+    order = np.lexsort((start, interval, joint))
+    joint, interval, start = joint[order], interval[order], start[order]
+    is_last = np.append((np.diff(interval) != 0) | (np.diff(joint) != 0), True)
+    end = np.where(is_last, 1.0, np.roll(start, -1))
+    return _Parts(joint, interval, pieces[interval], start, end)
+
+
+def _on(rows: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
+    """Return polynomials (degree+1, R) on intervals, of times from 0 to 1."""
+    return restricted(rows[:, :, None], start, width)[:, :, 0]

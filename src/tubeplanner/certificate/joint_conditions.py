@@ -36,32 +36,26 @@ def judge_position(motion: JudgedMotion) -> JudgedCondition:
     return JudgedCondition(least.margin, motion.position_unit(least.joint), location, FOR_ALL_TIMES)
 
 
+NOT_LIMITED = not_required(RELATIVE, "no joint has this limit")
+_ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
+
+
 def judge_velocity(motion: JudgedMotion) -> JudgedCondition:
     """Judge the velocity limits, exactly, and the limits that depend on positions."""
-    constant = _judge_derivative(motion, 1, motion.robot.limits.velocity)
-    by_position = velocity_by_position_left(motion)
+    constant, by_position = judge_rate("velocity", motion), velocity_by_position_left(motion)
     required = [each for each in (constant, by_position) if each.margin is not None]
     return min(required, key=lambda each: each.margin or 0.0, default=constant)
 
 
-def judge_acceleration(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the acceleration limits, exactly."""
-    return _judge_derivative(motion, 2, motion.robot.limits.acceleration)
-
-
-def judge_jerk(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the jerk limits, exactly."""
-    return _judge_derivative(motion, 3, motion.robot.limits.jerk)
-
-
-def _judge_derivative(motion: JudgedMotion, order: int, limit: FloatArray) -> JudgedCondition:
-    """Judge a derivative of the positions against limits (n,), infinite where there is none."""
+def judge_rate(quantity: str, motion: JudgedMotion) -> JudgedCondition:
+    """Judge the limits of a derivative of the positions, exactly."""
+    limit = getattr(motion.robot.limits, quantity)
     bounded = np.flatnonzero(np.isfinite(limit))
     if len(bounded) == 0:
-        return not_required(RELATIVE, "no joint has this limit")
+        return NOT_LIMITED
     trajectory = motion.trajectory
-    used = trajectory.derivative_coefficients(order)[:, :, bounded] / limit[bounded]
-    peak = highest(peak_magnitudes(used, trajectory.widths), trajectory)
+    rows = trajectory.derivative_coefficients(_ORDERS[quantity])[:, :, bounded]
+    peak = highest(peak_magnitudes(rows / limit[bounded], trajectory.widths), trajectory)
     location = Location(time=peak.time, joint=motion.robot.joint_names[bounded[peak.column]])
     return JudgedCondition(1 - peak.value, RELATIVE, location, FOR_ALL_TIMES)
 

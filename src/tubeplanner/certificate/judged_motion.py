@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.certificate.directed_efforts import DirectedEfforts, directed_efforts
+from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.enclosed_quantities import (
     EnclosedPose,
     enclosed_efforts,
@@ -200,12 +199,6 @@ class JudgedMotion:
         """The joint efforts without Coulomb friction, c = n [N m or N]."""
         most = np.minimum(self.robot.limits.effort, self.robot.motors.saturation_effort)
         return enclosed_efforts(self.robot, self.trajectory, EFFORT_ENCLOSURE * most)
-
-    def efforts_of(self, joints: IntArray) -> DirectedEfforts:
-        """Return the efforts of some joints, shape (k,), with Coulomb friction."""
-        return directed_efforts(
-            self.robot, self.trajectory, self.smooth_efforts, self.intervals, joints
-        )
 
     @cached_property
     def largest_rates(self) -> dict[int, FloatArray]:

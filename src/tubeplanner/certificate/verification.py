@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
@@ -20,12 +21,11 @@ from tubeplanner.certificate.effort_conditions import (
     judge_motor_curve,
 )
 from tubeplanner.certificate.joint_conditions import (
-    judge_acceleration,
     judge_continuity,
     judge_goal,
-    judge_jerk,
     judge_joint_signs,
     judge_position,
+    judge_rate,
     judge_rest,
     judge_start,
     judge_velocity,
@@ -67,8 +67,8 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
     {
         "position": judge_position,
         "velocity": judge_velocity,
-        "acceleration": judge_acceleration,
-        "jerk": judge_jerk,
+        "acceleration": partial(judge_rate, "acceleration"),
+        "jerk": partial(judge_rate, "jerk"),
         "effort": judge_effort,
         "motor_curve": judge_motor_curve,
         "effort_rate": judge_effort_rate,
