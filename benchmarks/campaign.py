@@ -43,8 +43,8 @@ import numpy as np
 from campaign_examine import UNBUILT, Fields, Options, examine, is_wrong
 from tubeplanner import WorkerProcesses
 from tubeplanner.studies.journal import Journal
-from tubeplanner.studies.plan_many import run_many
 from tubeplanner.studies.problem_spec import package_hash
+from tubeplanner.studies.rows import run_many
 
 STUCK = 1.01  # times the best of the three
 MAX_SHOWN = 12  # seeds of a cause

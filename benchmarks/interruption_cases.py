@@ -83,7 +83,7 @@ explain:
 study:
   - study {inputs}/study.yaml -o OUT/a.csv PNG --processes 1
   - a.csv a.png
-  - studies.study_run:planned_answer
+  - studies.study:planned_answer
   - a.jsonl
 sweep:
   - sweep PROBLEM --radius-scale 0.5,1 --quality fast -o OUT/a.csv --plot OUT/a.pdf
@@ -99,7 +99,7 @@ place:
   - place PROBLEM --region=-0.02,0.02,0,0 --stands-on none --points 8 --quality fast --processes 1
     -o OUT/a.yaml PNG
   - a.yaml a.png
-  - studies.placement:plan studies.placement_rows:tried
+  - studies.placement:plan studies.placement:tried
   - a.jsonl
 route:
   - route example:two_link/through_the_gap --tries 1 --samples 200 -o OUT/a.yaml

@@ -45,7 +45,8 @@ from tubeplanner import (
     load_problem,
     plan_many,
 )
-from tubeplanner.studies.plan_many import Packer, _answer, run_many
+from tubeplanner.studies.plan_many import Packer, _answer
+from tubeplanner.studies.rows import run_many
 
 # One of the processes that a user would start by hand.
 LOOP = """

@@ -115,14 +115,14 @@ from .studies.sweeps import FieldSweep as FieldSweep  # returned
 from .studies.sweeps import FieldRow as FieldRow  # returned
 from .studies.study_file import load_study as load_study
 from .studies.study import Study as Study
-from .studies.study_run import run_study as run_study
-from .studies.study_run import StudyResult as StudyResult  # returned
-from .studies.study_run import StudyRow as StudyRow  # returned
+from .studies.study import run_study as run_study
+from .studies.study import StudyResult as StudyResult  # returned
+from .studies.study import StudyRow as StudyRow  # returned
 from .studies.placement import place as place
 from .studies.placement import PlaceOptions as PlaceOptions
-from .studies.placement_rows import Placement as Placement  # returned
-from .studies.placement_rows import GivenPlacement as GivenPlacement  # returned
-from .studies.placement_rows import PlacementRow as PlacementRow  # returned
+from .studies.placement import Placement as Placement  # returned
+from .studies.placement import GivenPlacement as GivenPlacement  # returned
+from .studies.placement import PlacementRow as PlacementRow  # returned
 from .studies.base_regions import BasePlacement as BasePlacement  # returned
 from .studies.comparison import compare as compare
 from .studies.comparison import Comparison as Comparison  # returned

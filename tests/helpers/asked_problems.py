@@ -5,9 +5,8 @@ from pathlib import Path
 
 from tubeplanner import ProblemSpec
 from tubeplanner.outcome import TimeLimitReached
-from tubeplanner.studies.change_trials import Trial
 from tubeplanner.studies.changes import Change, Proposal, Question
-from tubeplanner.studies.remedies import Headroom, Remedy
+from tubeplanner.studies.remedies import Headroom, Remedy, Trial
 
 POST = {"name": "post.1", "cylinder": [0.03, 0.3], "position": [0.4, 0.22, 0.0]}
 POINTS = [[0.45, -0.3, 0.0], [0.45, 0.1, 0.0], [0.2, 0.1, 0.0], [0.2, 0.45, 0.0]]

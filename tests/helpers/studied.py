@@ -5,8 +5,7 @@ from concurrent.futures import Executor, Future
 from tubeplanner import PlanOptions
 from tubeplanner.outcome import PlanStatus
 from tubeplanner.studies.problem_spec import ProblemSpec
-from tubeplanner.studies.study import Interval, Levels, Study
-from tubeplanner.studies.study_run import StudyResult, StudyRow
+from tubeplanner.studies.study import Interval, Levels, Study, StudyResult, StudyRow
 
 PROBLEM = "example:two_link/paper_1_30mm"
 QUICK = PlanOptions("stop-at-corners")

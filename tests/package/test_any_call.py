@@ -20,12 +20,9 @@ from tubeplanner.cli.main import main
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.planning import legs
 from tubeplanner.planning.result import refused_result
-from tubeplanner.studies import change_trials as trials
-from tubeplanner.studies import comparison, placement, study_run
 from tubeplanner.studies import explanation as explain_module
+from tubeplanner.studies import placement, rows
 from tubeplanner.studies import plan_many as plan_many_module
-from tubeplanner.studies import sweeps as field_sweep
-from tubeplanner.studies import sweeps as tolerance_sweep
 from tubeplanner.studies.tubes import measurement as sign_patterns
 from tubeplanner.studies.tubes import measurement as tube_measurement
 from tubeplanner.studies.tubes import route
@@ -151,11 +148,11 @@ def nothing_is_planned():
         raise blocked
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (tolerance_sweep, field_sweep, comparison, placement, explain_module):
+        for module in (placement, explain_module):
             patch.setattr(module, "plan", refused)
-        for module in (trials, plan_many_module):
+        for module in (plan_many_module, rows):
             patch.setattr(module, "plan_either", refused)
-        for module in (placement, plan_many_module, study_run):
+        for module in (plan_many_module, rows):
             patch.setattr(module, "WorkerProcesses", lambda: nullcontext(Here()))
         patch.setattr(console, "workers_of", lambda *arguments: nullcontext(None))
         patch.setattr(legs, "_shortest", refused)

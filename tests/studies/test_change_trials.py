@@ -1,6 +1,7 @@
 """Trials of changes within a time budget; bracket of the decisive size."""
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,17 +10,17 @@ from asked_problems import StubTrials, asked, simple_change
 
 from tubeplanner import PlanOptions, plan
 from tubeplanner.outcome import PlanningClock, TimeLimitReached
-from tubeplanner.studies import change_trials as module
-from tubeplanner.studies.change_trials import (
+from tubeplanner.studies import remedies as module
+from tubeplanner.studies import rows
+from tubeplanner.studies.changes import Proposal
+from tubeplanner.studies.remedies import (
     CLOSE,
-    Asked,
     SizeBracket,
     Trial,
     Trials,
-    planned,
+    planned_duration,
     try_sizes,
 )
-from tubeplanner.studies.changes import Proposal
 
 QUICK = PlanOptions(quality="fast", slack=0.0)
 LINE = {"tube.points": [[0.3, -0.5, 0], [0.3, 0.5, 0]], "obstacles": []}
@@ -46,11 +47,11 @@ def checked_options(monkeypatch):
     """The options of every trial, which all succeed at once."""
     given = []
 
-    def answered(problem, options):
+    def answered(problem, options, progress):
         given.append(options)
-        return SimpleNamespace(duration=1.0, succeeded=True, stopped_by=None)
+        return SimpleNamespace(duration=1.0, succeeded=True, stopped_by=None, message="")
 
-    monkeypatch.setattr(module, "plan_either", answered)
+    monkeypatch.setattr(rows, "plan_either", answered)
     return given
 
 
@@ -127,21 +128,21 @@ def test_the_search_ends_with_its_time_and_with_the_first_that_is_cut_short(monk
 
 def test_what_is_cut_short_says_nothing(monkeypatch):
     spec = line().spec
-    late = Asked(spec, replace(QUICK, time_limit=100.0), until=-NO_LIMIT)
-    assert planned(late).is_cut_short
-    failed = SimpleNamespace(duration=None, succeeded=False, stopped_by=None)
-    ended = SimpleNamespace(duration=1.0, succeeded=True, stopped_by=None)
-    for result, is_cut_short in ((failed, True), (ended, False)):
+    with pytest.raises(TimeLimitReached):
+        planned_duration((spec, replace(QUICK, time_limit=100.0), -NO_LIMIT))
+    failed = SimpleNamespace(duration=None, succeeded=False, stopped_by=None, message="")
+    ended = SimpleNamespace(duration=1.0, succeeded=True, stopped_by=None, message="")
+    for result, ending in ((failed, pytest.raises(TimeLimitReached)), (ended, nullcontext())):
         times = iter([0.0, 9.0])  # before planning and after
         monkeypatch.setattr(module.time, "monotonic", times.__next__)
-        monkeypatch.setattr(module, "plan_either", lambda problem, options, r=result: r)
-        answer = planned(Asked(spec, QUICK, until=5.0))
-        assert (answer.duration, answer.is_cut_short) == (result.duration, is_cut_short)
+        monkeypatch.setattr(rows, "plan_either", lambda problem, options, progress, r=result: r)
+        with ending:
+            assert planned_duration((spec, QUICK, 5.0)) == 1.0
 
 
 def test_ctrl_c_while_it_is_planned_is_ctrl_c(monkeypatch):
     kept = SimpleNamespace(duration=1.0, succeeded=True, stopped_by="interrupt")
-    monkeypatch.setattr(module, "plan_either", lambda problem, options: kept)
+    monkeypatch.setattr(rows, "plan_either", lambda *_: kept)
     with pytest.raises(KeyboardInterrupt):
         list(trials_of(line()).of([with_effort(1.0)], True))
 

@@ -15,6 +15,7 @@ from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.output.figures import figure_files
 from tubeplanner.planning.options import METHODS
 from tubeplanner.studies import comparison as module
+from tubeplanner.studies import rows
 from tubeplanner.studies.comparison import smoothness_class, trajectory_measures
 from tubeplanner.trajectory.joint_trajectory import concatenate
 from tubeplanner.trajectory.reader import read_trajectory
@@ -84,7 +85,7 @@ def compared(shared):
         return plan(problem, replace(options, method=STOP) if searches else options, progress)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "plan", quick)
+        patch.setattr(rows, "plan_either", quick)
         problem, options = load_problem(PROBLEM), PlanOptions(quality="fast")
         return shared("comparison.of_all", lambda: compare(problem, options=options))
 
@@ -131,7 +132,7 @@ def test_one_that_fails_never_stops_the_others(slider, monkeypatch):
 
 def test_ctrl_c_keeps_the_rows_that_are_done_or_ends_the_comparison(slider):
     def interrupt(what):
-        if str(what).startswith("bang-bang"):
+        if what.stage.startswith("bang-bang"):
             raise KeyboardInterrupt
 
     result = compare(slider, ["conventional", "bang-bang"], progress=interrupt)

@@ -15,7 +15,7 @@ from worker_problems import FAST, LINE, DeadlyProblem, SlowProblem, bits, planne
 from tubeplanner import OptionError, PlanStatus, ProblemSpec, dask_executor, plan_many
 from tubeplanner.studies import dask_executor as module
 from tubeplanner.studies.dask_executor import RetriedAlone
-from tubeplanner.studies.plan_many import run_many
+from tubeplanner.studies.rows import run_many
 
 
 class Lost(Exception):

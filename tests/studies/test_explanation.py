@@ -13,10 +13,10 @@ from gantry import FIELDS, POST, gantry
 
 from tubeplanner import Explanation, explain, load_problem, parse_problem, plan
 from tubeplanner.errors import ProblemError
-from tubeplanner.outcome import Location, PlanStatus
+from tubeplanner.outcome import Location, PlanStatus, TimeLimitReached
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
-from tubeplanner.studies import change_trials as trials_module
+from tubeplanner.studies import remedies as trials_module
 from tubeplanner.studies.explanation import InvalidProblem, ineffective_text, setting_text
 
 PROBLEM = parse_problem(PLANAR)
@@ -301,11 +301,13 @@ def test_ctrl_c_keeps_what_was_found(path):
 def test_the_time_limit_keeps_what_was_found(path, monkeypatch):
     tried = []
 
-    def limited(asked, plan_one=trials_module.planned):
+    def limited(asked, plan_one=trials_module.planned_duration):
         tried.append(asked)
-        return plan_one(asked) if len(tried) < 8 else trials_module.Answer(is_cut_short=True)
+        if len(tried) >= 8:
+            raise TimeLimitReached
+        return plan_one(asked)
 
-    monkeypatch.setattr(trials_module, "planned", limited)
+    monkeypatch.setattr(trials_module, "planned_duration", limited)
     found = explained(path, {"clearance": CLEARANCE})
     assert (found.stopped_by, found.tried) == ("time_limit", 7)
     assert [remedy.field for remedy in found.remedies] == ["clearance"]

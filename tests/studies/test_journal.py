@@ -10,8 +10,8 @@ from tubeplanner.errors import OutputError
 from tubeplanner.outcome import Location
 from tubeplanner.studies import journal as journal_module
 from tubeplanner.studies.journal import Journal, require_fields
-from tubeplanner.studies.placement_rows import PlacementRow
-from tubeplanner.studies.study_run import StudyRow
+from tubeplanner.studies.placement import PlacementRow
+from tubeplanner.studies.study import StudyRow
 
 KEPT = {"status": "success", "duration": 0.1 + 0.2}
 PLACE = Location().as_dict()

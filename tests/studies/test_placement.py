@@ -24,8 +24,15 @@ from tubeplanner.output.files.problem_file import with_placement
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies import placement as module
 from tubeplanner.studies.base_regions import MovableProblem, Region
-from tubeplanner.studies.placement import _neighbours, _starts, pattern_search
-from tubeplanner.studies.placement_rows import SEARCH_OPTIONS, PlacementRow, grouped, tried
+from tubeplanner.studies.placement import (
+    SEARCH_OPTIONS,
+    PlacementRow,
+    _neighbours,
+    _starts,
+    grouped,
+    pattern_search,
+    tried,
+)
 from tubeplanner.studies.problem_spec import ProblemSpec
 
 LOW, HIGH = -2.0, 3.0

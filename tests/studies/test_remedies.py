@@ -6,8 +6,7 @@ import pytest
 from asked_problems import REMEDY, ROOM, StubTrials, asked, simple_change
 
 from tubeplanner.outcome import TimeLimitReached
-from tubeplanner.studies.change_trials import CLOSE
-from tubeplanner.studies.remedies import HeadroomSearch, RemedySearch, worsening_changes
+from tubeplanner.studies.remedies import CLOSE, HeadroomSearch, RemedySearch, worsening_changes
 
 REMEDY_KEYS = (
     *("field", "from", "to", "unit", "certified", "duration", "text", "changes"),

@@ -10,8 +10,8 @@ import worker_calls as calls
 from studied import Here
 
 from tubeplanner import OptionError
-from tubeplanner.studies import plan_many as run_many_module
-from tubeplanner.studies.plan_many import Done, run_many, swept_rows
+from tubeplanner.studies import rows as run_many_module
+from tubeplanner.studies.rows import Done, RowRun, Variant, run_many
 
 
 def inverse(number):
@@ -117,24 +117,29 @@ def test_an_executor_that_drops_calls_is_told():
     assert executor.futures[1].cancelled()
 
 
-def doubled(item, progress=None):
-    if progress is not None:
-        progress("begun")
+def doubled(item):
     if isinstance(item, BaseException):
         raise item
     return 2 * item
 
 
-def swept(items, executor=None, told=None):
-    label = f"item {{}} of {len(items)}".format
-    return swept_rows(doubled, items, label, executor, None if told is None else told.append)
+def run_of(items, executor=None, progress=None, keys=None):
+    """Return the answers of a run over items, named from 0, and what ended it."""
+    run = RowRun("items", executor, progress, is_here=True)
+    with run:
+        variants = (Variant(k, each, keys and keys[k]) for k, each in enumerate(items))
+        run.run(doubled, variants, len(items))
+    return list(run.rows.values()), run.stopped_by
 
 
-@pytest.mark.parametrize(("executor", "stage"), [(None, "begun"), (Here(), "done")])
-def test_stages_are_told_here_and_what_is_done_of_others(executor, stage):
+@pytest.mark.parametrize("executor", [None, Here()])
+def test_what_is_done_is_counted(executor):
     told = []
-    assert swept([1, 2], executor, told) == ([2, 4], None)
-    assert told == [f"item {k} of 2: {stage}" for k in (1, 2)]
+    assert run_of([1, 2], executor, told.append) == ([2, 4], None)
+    assert [(each.done, each.count, each.planned) for each in told] == [
+        *((0, 2, 0), (1, 2, 1), (2, 2, 2)),
+    ]
+    assert str(told[0]) == "0 of 2 items"
 
 
 def test_rows_are_in_the_order_of_items_whichever_is_done_first():
@@ -152,16 +157,22 @@ def test_rows_are_in_the_order_of_items_whichever_is_done_first():
     executor = Backwards()
     came = [done.value for done in run_many(doubled, [1, 2, 3], executor)]
     assert came == [4, 2, 6]
-    assert swept([1, 2, 3], Backwards()) == ([2, 4, 6], None)
+    assert run_of([1, 2, 3], Backwards()) == ([2, 4, 6], None)
+
+
+def test_equal_keys_are_worked_out_once():
+    executor = Here()
+    assert run_of([1, 2, 5], executor, keys=["a", "b", "a"]) == ([2, 4, 2], None)
+    assert executor.calls == 2
 
 
 @pytest.mark.parametrize("executor", [None, Here()])
 def test_an_error_goes_through(executor):
     with pytest.raises(ZeroDivisionError):
-        swept([1, ZeroDivisionError()], executor)
+        run_of([1, ZeroDivisionError()], executor)
 
 
 def test_ctrl_c_keeps_the_rows_that_are_done():
-    assert swept([1, 2, KeyboardInterrupt()]) == ([2, 4], "interrupt")
+    assert run_of([1, 2, KeyboardInterrupt()]) == ([2, 4], "interrupt")
     with pytest.raises(KeyboardInterrupt):
-        swept([KeyboardInterrupt(), 1])
+        run_of([KeyboardInterrupt(), 1])

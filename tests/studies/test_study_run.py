@@ -13,12 +13,13 @@ from tubeplanner import JointTrajectory, PlanOptions, ProblemError, load_problem
 from tubeplanner.errors import OptionError, OutputError
 from tubeplanner.outcome import Location, PlanStatus
 from tubeplanner.planning.result import PlanResult
-from tubeplanner.studies import study_run
-from tubeplanner.studies import study_run as study_row
+from tubeplanner.studies import rows
+from tubeplanner.studies import study as study_run
 from tubeplanner.studies.problem_spec import ProblemSpec
-from tubeplanner.studies.study import Levels, Study
-from tubeplanner.studies.study_run import (
-    StudyProgress,
+from tubeplanner.studies.rows import StudyProgress
+from tubeplanner.studies.study import (
+    Levels,
+    Study,
     StudyResult,
     StudyRow,
     crashed_answer,
@@ -54,7 +55,7 @@ def test_the_hash_is_of_every_bit(monkeypatch):
     coefficients[0, 0, 0] = np.nextafter(coefficients[0, 0, 0], np.inf)
     other = JointTrajectory(["joint1", "joint2"], result.trajectory.breakpoints, coefficients)
     answer = PlanResult(PlanStatus.SUCCESS, "", Location(), "m", other)
-    monkeypatch.setattr(study_row, "plan_either", lambda *_: answer)
+    monkeypatch.setattr(rows, "plan_either", lambda *_: answer)
     assert row_of().trajectory_hash != before
 
 
@@ -84,10 +85,10 @@ def test_a_place_travels():
 
 def test_ctrl_c_is_no_answer_and_a_bug_not_taken_for_bad_input(monkeypatch):
     stopped = PlanResult(PlanStatus.SUCCESS, "", Location(), "m", stopped_by="interrupt")
-    monkeypatch.setattr(study_row, "plan_either", lambda *_: stopped)
+    monkeypatch.setattr(rows, "plan_either", lambda *_: stopped)
     with pytest.raises(KeyboardInterrupt):
         row_of()
-    monkeypatch.setattr(study_row, "plan_either", lambda *_: 1 / 0)
+    monkeypatch.setattr(rows, "plan_either", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         row_of()
 

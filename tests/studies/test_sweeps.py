@@ -218,25 +218,25 @@ def test_what_concerns_all_values_is_refused_at_once(path, values, message):
 @pytest.mark.parametrize(
     ("swept_over", "first", "name"),
     [
-        (lambda values, **others: sweep(load_problem(PROBLEM), values, **others), "", "tolerance"),
-        (partial(sweep_field, PROBLEM, "tube.radius"), "loading", "value"),
+        (lambda values, **others: sweep(load_problem(PROBLEM), values, **others), "", "tolerances"),
+        (partial(sweep_field, PROBLEM, "tube.radius"), "loading", "values"),
     ],
     ids=["radii", "field"],
 )
-def test_ctrl_c_keeps_what_is_done_and_progress_names_it(swept_over, first, name):
-    texts = []
+def test_ctrl_c_keeps_what_is_done_and_progress_has_the_stage(swept_over, first, name):
+    told = []
 
-    def interrupt(what):
-        texts.append(str(what))
-        if texts[-1].startswith(f"{name} {number}"):
+    def interrupt(progress):
+        told.append(progress)
+        if progress.done == done and progress.stage:
             raise KeyboardInterrupt
 
-    number = 2
+    done = 1
     result = swept_over([0.03, 0.05], options=STOPS, progress=interrupt)
     assert [row.value for row in result.rows] == [0.03]
     assert result.as_dict()["stopped_by"] == "interrupt"
-    assert texts[0].startswith(f"{name} 1 of 2: {first}")
-    assert texts[-1].startswith(f"{name} 2 of 2: ")
-    number = 1
+    assert str(told[0]) == f"0 of 2 {name}"
+    assert str(told[1]).startswith(f"0 of 2 {name}; {first}")
+    done = 0
     with pytest.raises(KeyboardInterrupt):
         swept_over([0.03, 0.05], options=STOPS, progress=interrupt)

@@ -18,9 +18,8 @@ from tubeplanner.output.figures.placement_map import plot_placement
 from tubeplanner.output.files.problem_file import with_placement
 from tubeplanner.resources import find_problem
 from tubeplanner.studies.base_regions import BasePlacement
-from tubeplanner.studies.placement import PlaceOptions
+from tubeplanner.studies.placement import Placement, PlaceOptions
 from tubeplanner.studies.placement import place as search
-from tubeplanner.studies.placement_rows import Placement
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.writing import require_writable
 

@@ -14,8 +14,8 @@ from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import rendered
 from tubeplanner.output.figures.figure_files import figure_file, require_figure
 from tubeplanner.output.figures.study_figures import plot_study
+from tubeplanner.studies.study import StudyResult, StudyRow, run_study
 from tubeplanner.studies.study_file import load_study
-from tubeplanner.studies.study_run import StudyResult, StudyRow, run_study
 from tubeplanner.task.field_changes import factor_of
 from tubeplanner.text import value_text
 from tubeplanner.writing import require_writable

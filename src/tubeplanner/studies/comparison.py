@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,12 @@ from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
 from tubeplanner.limits.path_samples import PathSamples
 from tubeplanner.limits.speed_limits import largest_use, speed_limits
 from tubeplanner.limits.tube_membership import current_segments, tube_use
-from tubeplanner.outcome import Infeasible, PlanStatus, Progress, StoppedBy, require_callback
+from tubeplanner.outcome import Infeasible, PlanStatus, StoppedBy
 from tubeplanner.planning.options import METHODS, PlanOptions
-from tubeplanner.planning.strategy import plan
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.studies.rows import RowRun, Variant, columns, finished_plan, rows_csv
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.text import csv_text, short_repr
+from tubeplanner.text import short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import peak_magnitudes
 
@@ -166,23 +168,20 @@ class ComparisonRow:
             return {}
         return {name: self.certificate.conditions[name] for name in self.certificate.failures()}
 
+    @property
+    def kind(self) -> str:
+        """Kind of the method: "baseline" or "method"."""
+        return "baseline" if self.method in BASELINES else "method"
+
     def as_dict(self) -> dict[str, Any]:
         """Return the row as JSON values."""
-        return {
-            "method": self.method,
-            "kind": "baseline" if self.method in BASELINES else "method",
-            "status": str(self.status),
-            "certified": self.certified,
-            "answered_by": self.answered_by,
-            "duration": self.duration,
-            "planning_time": self.planning_time,
-            "failures": {
-                name: {"margin": each.margin, "unit": each.unit, "where": each.where.as_dict()}
-                for name, each in self.failures.items()
-            },
-            **(_NO_MEASURES if self.measures is None else self.measures.as_dict()),
-            "message": self.message,
+        first = "method", "kind", "status", "certified", "answered_by", "duration", "planning_time"
+        failures = {
+            name: {"margin": each.margin, "unit": each.unit, "where": each.where.as_dict()}
+            for name, each in self.failures.items()
         }
+        measures = _NO_MEASURES if self.measures is None else self.measures.as_dict()
+        return {**columns(self, first), "failures": failures, **measures, "message": self.message}
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,11 +212,12 @@ class Comparison:
 
     def csv(self) -> str:
         """Return the rows as CSV; `failures` has NAME=MARGIN, spaces between them."""
-        rows = []
-        for row in self.rows:
-            failures = " ".join(f"{name}={c.margin!r}" for name, c in row.failures.items())
-            rows.append({**row.as_dict(), "failures": failures})
-        return csv_text(list(rows[0]), (row.values() for row in rows))
+
+        def texts(row: ComparisonRow) -> dict[str, str]:
+            failures = row.failures.items()
+            return {"failures": " ".join(f"{name}={each.margin!r}" for name, each in failures)}
+
+        return rows_csv(self.rows, texts)
 
 
 def compare(
@@ -233,7 +233,7 @@ def compare(
         problem: The planning problem.
         methods: Names from `METHODS` and `BASELINES`; default: all of both.
         options: Planning options of the methods, but for `method`.
-        progress: Called as by `plan`; its stage names the method.
+        progress: Called with a `StudyProgress`, whose stage names the method.
 
     Returns:
         A row for every method. A method without an answer gives the reason; it never stops the
@@ -246,7 +246,6 @@ def compare(
     """
     PlanningProblem.require(problem)
     options = checked_options(options, PlanOptions).shortest
-    require_callback(progress)
     names = [*METHODS, *BASELINES]
     requested = names if methods is None else checked_row("methods", methods, "names")
     for name in requested:
@@ -254,38 +253,32 @@ def compare(
             raise OptionError(unknown_name("method", name, names))
     if not requested:
         raise OptionError("compare: give at least one method")
-    rows: list[ComparisonRow] = []
-    for name in dict.fromkeys(requested):
-
-        def report(what: Progress, method: str = name) -> None:
-            if progress is not None:
-                progress(f"{method}: {what}")
-
-        try:
-            rows.append(_row(problem, name, options, report))
-        except KeyboardInterrupt:
-            if not rows:
-                raise
-            return Comparison(problem, tuple(rows), "interrupt")
-    return Comparison(problem, tuple(rows))
+    with RowRun[ComparisonRow]("methods", None, progress, is_here=True) as run:
+        work = partial(_row, problem, options=options, report=run.report)
+        variants = [Variant(name, name) for name in dict.fromkeys(requested)]
+        run.run(work, variants, len(variants))
+    return Comparison(problem, tuple(run.rows.values()), run.stopped_by)
 
 
 def _row(
-    problem: PlanningProblem, name: str, options: PlanOptions, report: Callable[[Progress], None]
+    problem: PlanningProblem, name: str, options: PlanOptions, report: Callable[[object], None]
 ) -> ComparisonRow:
     begin = time.perf_counter()
+
+    def announce(what: object) -> None:
+        report(f"{name}: {what}")
+
     try:
         if name in BASELINES:
-            baseline, certificate = judged_baseline(problem, name, report)
+            baseline, certificate = judged_baseline(problem, name, announce)
             reason = refusal(problem, certificate)
             status = PlanStatus.SUCCESS if reason is None else reason.status
             spent = time.perf_counter() - begin
             motion = baseline.trajectory
             row = ComparisonRow(name, status, baseline.note, spent, motion, certificate)
         else:
-            result = plan(problem, replace(options, method=name, robust=False), report)
-            if result.stopped_by == "interrupt":
-                raise KeyboardInterrupt
+            result = finished_plan(problem, replace(options, method=name, robust=False), announce)
+            assert isinstance(result, PlanResult)
             other = result.method if result.succeeded and result.method != name else None
             message = result.message if other is None else f"answered by {other}; {result.message}"
             answer = (result.planning_time, result.trajectory, result.certificate)
@@ -299,5 +292,5 @@ def _row(
         row = ComparisonRow(name, PlanStatus.NO_TRAJECTORY, message, spent)
     if row.trajectory is None:
         return row
-    report(Progress("measures"))
+    announce("measures")
     return replace(row, measures=trajectory_measures(problem, row.trajectory))

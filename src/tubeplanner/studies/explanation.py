@@ -28,7 +28,6 @@ from tubeplanner.outcome import (
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
-from tubeplanner.studies.change_trials import Trials
 from tubeplanner.studies.changes import Change, Question, in_order, rounded
 from tubeplanner.studies.geometry_changes import cell_changes, tube_changes
 from tubeplanner.studies.joint_changes import end_changes, limit_changes
@@ -38,6 +37,7 @@ from tubeplanner.studies.remedies import (
     HeadroomSearch,
     Remedy,
     RemedySearch,
+    Trials,
     worsening_changes,
 )
 from tubeplanner.task.endpoints import Seed, configuration_of

@@ -5,9 +5,8 @@ The compass search of Hooke and Jeeves' family: Kolda, Lewis and Torczon, SIAM R
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import nullcontext
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from math import inf
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -19,25 +18,304 @@ from tubeplanner.checks import (
     require_count,
     require_executor,
 )
-from tubeplanner.errors import OptionError, unknown_name
-from tubeplanner.outcome import StoppedBy, require_callback
+from tubeplanner.errors import FormerName, OptionError, ProblemError, TubePlannerError, unknown_name
+from tubeplanner.outcome import Infeasible, Location, PlanStatus, StoppedBy, require_callback
 from tubeplanner.planning.options import PlanOptions
+from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
 from tubeplanner.studies.base_regions import (
     BasePlacement,
     MovableProblem,
     PlacementGrid,
     Region,
+    leading_seeds,
+    require_base_free,
 )
-from tubeplanner.studies.journal import Journal
-from tubeplanner.studies.placement_rows import (
-    GivenPlacement,
-    Placement,
-    PlacementRow,
-    PlacementTrials,
-)
+from tubeplanner.studies.journal import require_fields
 from tubeplanner.studies.problem_spec import ProblemSpec
-from tubeplanner.studies.worker_processes import WorkerProcesses
+from tubeplanner.studies.rows import RowRun, Variant, columns
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import short_repr
+
+# ---- Rows: one for every base pose tried.
+
+BASE_IN_OBSTACLE = "base_in_obstacle"
+# The kinds of answers, from the earliest failure of a plan to success.
+KINDS = (
+    *(PlanStatus.CRASHED, PlanStatus.BAD_INPUT, BASE_IN_OBSTACLE, PlanStatus.UNREACHABLE),
+    *(PlanStatus.GRAVITY_EXCEEDS_EFFORT, PlanStatus.TUBE_BLOCKED, PlanStatus.NO_TRAJECTORY),
+    *(PlanStatus.CERTIFICATE_FAILED, PlanStatus.SUCCESS),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacementRow:
+    """One base pose of the robot, and the answer of planning with it.
+
+    Attributes:
+        base_placement: Base pose.
+        status: "base_in_obstacle", or the status of the plan, as of `PlanResult`.
+        message: One sentence: the answer, or the reason for its absence.
+        location: Location of the failure; empty without one.
+        duration: Duration of the shortest certified motion with quality "fast" [s]; None if there
+            is none.
+        seeds: Seeds of start and goal, where the given joints lead to no collision-free
+            configuration.
+    """
+
+    base_placement: BasePlacement
+    status: str
+    message: str
+    location: Location = field(default_factory=Location)
+    duration: float | None = None
+    seeds: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+    __repr__ = short_repr
+
+    place = FormerName("location")
+    stand = FormerName("base_placement")
+
+    @property
+    def is_feasible(self) -> bool:
+        """True if there is a certified motion."""
+        return self.duration is not None
+
+    @property
+    def reason(self) -> str:
+        """The reason for the failure without numbers, the same for many base poses."""
+        words = str(self.status).replace("_", " ")
+        links, obstacle, joint = (
+            self.location.links or (),
+            self.location.obstacle,
+            self.location.joint,
+        )
+        if links and obstacle is not None:
+            between = "in" if self.status == BASE_IN_OBSTACLE else "and"
+            return f"{words}: '{links[0]}' {between} '{obstacle}'"
+        if links:
+            return f"{words}: {' and '.join(map(repr, links))}"
+        if joint is not None:
+            return f"{words}: {joint}"
+        return (
+            words if self.location.segment is None else f"{words}: segment {self.location.segment}"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the row as JSON values."""
+        return {
+            **self.base_placement.as_dict(),
+            **columns(self, ("status", "message")),
+            "where": self.location.as_dict(),
+            **columns(self, ("duration", "seeds")),
+        }
+
+    @classmethod
+    def of_dict(cls, fields: Mapping[str, Any]) -> "PlacementRow":
+        """Return the row of values from `as_dict`.
+
+        Raises:
+            KeyError: A value is missing.
+            ValueError: A value is unknown, or of another type.
+        """
+        location = Location.of_dict(fields["where"])
+        x, y, z = fields["position"]
+        names = {"position": "base_placement", "where": "location"}
+        plain = {names.get(key, key): value for key, value in fields.items() if key != "yaw"}
+        require_fields(cls, {**plain, "base_placement": [x, y, z, fields["yaw"]]})
+        return cls(
+            BasePlacement(x, y, z, fields["yaw"]),
+            fields["status"],
+            fields["message"],
+            location,
+            fields["duration"],
+            fields["seeds"],
+        )
+
+
+def tried(call: tuple[MovableProblem, BasePlacement, Sequence[str], PlanOptions]) -> PlacementRow:
+    """Return the row of a base pose.
+
+    Args:
+        call: The problem, the base pose, names of obstacles that links which no joint moves may
+            touch, and planning options.
+    """
+    movable, base_placement, stands_on, options = call
+    try:
+        problem = movable.load(base_placement)
+        try:
+            require_base_free(problem, stands_on)
+        except Infeasible as reason:
+            return PlacementRow(base_placement, BASE_IN_OBSTACLE, str(reason), reason.location)
+        seeds = leading_seeds(problem, tuple(movable.seeds))
+        result = plan(movable.load(base_placement, seeds) if seeds else problem, options)
+    except TubePlannerError as error:
+        return PlacementRow(base_placement, str(PlanStatus.BAD_INPUT), str(error))
+    status, duration = str(result.status), result.shortest_duration
+    return PlacementRow(base_placement, status, result.message, result.location, duration, seeds)
+
+
+def grouped(
+    rows: Sequence[PlacementRow], key: Callable[[PlacementRow], str]
+) -> list[tuple[str, list[PlacementRow]]]:
+    """Return rows by a key, the largest group first."""
+    groups: dict[str, list[PlacementRow]] = {}
+    for row in rows:
+        groups.setdefault(key(row), []).append(row)
+    return sorted(groups.items(), key=lambda pair: -len(pair[1]))
+
+
+# ---- Results: what `place` returns.
+
+
+@dataclass(frozen=True, eq=False)
+class GivenPlacement:
+    """The plan of the problem as given.
+
+    Attributes:
+        base_placement: Base pose.
+        result: Result of planning; None where the problem is invalid or its base is in an obstacle.
+        message: One sentence: the answer, or the reason for its absence.
+    """
+
+    base_placement: BasePlacement
+    result: PlanResult | None
+    message: str
+
+    __repr__ = short_repr
+
+    stand = FormerName("base_placement")
+
+    @classmethod
+    def of(
+        cls, movable: MovableProblem, stands_on: Sequence[str], options: PlanOptions
+    ) -> "GivenPlacement":
+        """Plan a problem as given."""
+        try:
+            problem = movable.spec.load()
+            assert isinstance(problem, PlanningProblem)
+            require_base_free(problem, stands_on)
+        except (ProblemError, Infeasible) as error:
+            return cls(movable.given, None, str(error).removeprefix(f"{movable.spec.name}: "))
+        result = plan(problem, options)
+        return cls(movable.given, result, result.message)
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the certified motion [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """The base pose of a robot with the shortest motion.
+
+    Attributes:
+        problem: The problem with the best base pose, or as given if there is none.
+        region: Region of the base pose.
+        stands_on: Names of obstacles that links which no joint moves may touch.
+        grid: The base poses of the grid.
+        rows: Rows of all base poses tried, those of the grid first.
+        given: The plan of the problem as given.
+        best: Row of the best base pose; None if no base pose has a motion.
+        result: Result of planning there; None if there is none.
+        changes: Values of the best base pose in the problem file, by field path, as `load_problem`
+            takes them; empty if there is none.
+        restored: Number of rows from the journal.
+        stopped_by: "interrupt" if Ctrl-C ended the search; None otherwise.
+        refusal: Message of the plan at the best base pose, if it failed; empty otherwise.
+    """
+
+    problem: PlanningProblem
+    region: Region
+    stands_on: tuple[str, ...]
+    grid: PlacementGrid
+    rows: tuple[PlacementRow, ...]
+    given: GivenPlacement
+    best: PlacementRow | None
+    result: PlanResult | None
+    changes: Mapping[str, Any]
+    restored: int = 0
+    stopped_by: StoppedBy | None = None
+    refusal: str = ""
+
+    def __repr__(self) -> str:
+        answer = (
+            "no stand has a motion" if self.best is None else f"best {self.best.base_placement}"
+        )
+        return (
+            f"<Placement of {self.problem.name}: {len(self.rows)} base placements tried, {answer}>"
+        )
+
+    @property
+    def succeeded(self) -> bool:
+        """True if there is a base pose with a certified motion."""
+        return self.result is not None
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the motion at the best base pose [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+    @property
+    def gain(self) -> float | None:
+        """Fraction by which the shortest motion is shorter than as given; None without both."""
+        results = self.given.result, self.result
+        before, after = (None if r is None else r.shortest_duration for r in results)
+        return None if before is None or after is None else 1 - after / before
+
+    @property
+    def feasible_count(self) -> int:
+        """Number of base poses with a motion."""
+        return sum(row.is_feasible for row in self.rows)
+
+    @cached_property
+    def reasons(self) -> tuple[tuple[str, int, str], ...]:
+        """Reason, count and a message of the failures, the most frequent reason first."""
+        others = [row for row in self.rows if not row.is_feasible]
+        groups = grouped(others, lambda row: row.reason)
+        return tuple((reason, len(rows), rows[0].message) for reason, rows in groups)
+
+    @property
+    def message(self) -> str:
+        """The answer, or the reason for its absence, as a sentence."""
+        if self.result is not None:
+            return self.result.message
+        if self.feasible_count:
+            return (
+                f"none of the {self.feasible_count} places that have a motion could be planned "
+                f"once more; the best of them: {self.refusal}"
+            )
+        reason, count, example = self.reasons[0]
+        return (
+            f"no place of {len(self.rows)} has a motion; the most frequent reason, {count} times: "
+            f"{reason} (such as: {example})"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the placement as JSON values."""
+        keys = "reason", "count", "example"
+        return {
+            "problem": self.problem.name,
+            "region": self.region.bounds,
+            "stands_on": list(self.stands_on),
+            "message": self.message,
+            "duration": self.duration,
+            "stopped_by": self.stopped_by,
+            "given": {
+                **self.given.base_placement.as_dict(),
+                "duration": self.given.duration,
+                "message": self.given.message,
+            },
+            "best": None if self.best is None else self.best.base_placement.as_dict(),
+            "gain": self.gain,
+            "changes": dict(self.changes),
+            "tried": len(self.rows),
+            "feasible": self.feasible_count,
+            "restored": self.restored,
+            "reasons": [dict(zip(keys, each, strict=True)) for each in self.reasons],
+            "rows": [row.as_dict() for row in self.rows],
+        }
+
 
 # ---- Placement: a grid, then a pattern search from its best base poses.
 
@@ -137,18 +415,31 @@ def place(
     report("planning as given")
     as_given = GivenPlacement.of(movable, on, options.plan_options)
     grid = bounds.grid(options.points, movable.given.yaw)
-    with nullcontext() if path is None else Journal(path) as answers:
-        # In steps of a period, durations have plateaus on which no search finds its way.
-        spec = movable.spec if loaded.period is None else movable.spec.changed({"period": None})
-        trials = PlacementTrials(replace(movable, spec=spec), on, answers)
-        stopped_by = _searched(trials, bounds, grid, movable.given, executor, report)
-    result = Placement(
-        loaded, bounds, on, grid, trials.rows, as_given, None, None, {}, trials.restored, stopped_by
+    # In steps of a period, durations have plateaus on which no search finds its way.
+    spec = movable.spec if loaded.period is None else movable.spec.changed({"period": None})
+    run = RowRun[PlacementRow](
+        *("stands", executor, report),
+        journal=path,
+        plain=PlacementRow.as_dict,
+        restore=PlacementRow.of_dict,
     )
-    if stopped_by is None:  # after Ctrl-C no report: the caller may stop at one again
+    with run:
+        rows_of = partial(_rows, run, replace(movable, spec=spec), on, path is not None)
+        is_inside = bounds.holds(movable.given)
+        starts = [*grid.base_placements, *[bounds.nearest(movable.given)] * is_inside]
+        pattern_search(
+            [(row.base_placement, _value(row)) for row in _starts(rows_of(starts, "grid"))],
+            partial(_neighbours, bounds, grid),
+            lambda base_placements: list(map(_value, rows_of(base_placements, "pattern search"))),
+            _HALVINGS,
+        )
+    rows = tuple(run.rows.values())
+    outcome = run.restored, run.stopped_by
+    result = Placement(loaded, bounds, on, grid, rows, as_given, None, None, {}, *outcome)
+    if run.stopped_by is None:  # after Ctrl-C no report: the caller may stop at one again
         report("planning the best")
     refusal = ""
-    for row in _feasible(result.rows)[:_STARTS]:  # the next where the best fails
+    for row in _feasible(rows)[:_STARTS]:  # the next where the best fails
         best = movable.load(row.base_placement, row.seeds)
         answer = plan(best, options.plan_options)
         refusal = refusal or answer.message
@@ -158,39 +449,40 @@ def place(
     return replace(result, refusal=refusal)
 
 
-def _searched(
-    trials: PlacementTrials,
-    region: Region,
-    grid: PlacementGrid,
-    as_given: BasePlacement,
-    executor: Executor | None,
-    report: Callable[[object], None],
-) -> StoppedBy | None:
-    """Try the grid, the base pose as given and a pattern search; "interrupt" after Ctrl-C."""
-    base_placements = [*grid.base_placements, *[region.nearest(as_given)] * region.holds(as_given)]
-    try:
-        # Inside: Ctrl-C goes through it, which ends the processes.
-        with WorkerProcesses() if executor is None else nullcontext(executor) as workers:
+# The search compares shortest motions; robustness counts in the final plans alone.
+SEARCH_OPTIONS = PlanOptions(quality="fast", slack=0.0, robust=False)
 
-            def rows_of(base_placements: Sequence[BasePlacement], stage: str) -> list[PlacementRow]:
-                return trials.of(
-                    base_placements, workers, lambda k, n: report(f"{stage}: {k} of {n} stands")
-                )
 
-            starts = _starts(rows_of(base_placements, "grid"))
-            pattern_search(
-                [(row.base_placement, _value(row)) for row in starts],
-                partial(_neighbours, region, grid),
-                lambda base_placements: [
-                    _value(row) for row in rows_of(base_placements, "pattern search")
-                ],
-                _HALVINGS,
-            )
-    except KeyboardInterrupt:
-        if not trials.rows:
-            raise
-        return "interrupt"
-    return None
+def _rows(
+    run: RowRun[PlacementRow],
+    problem: MovableProblem,
+    stands_on: Sequence[str],
+    has_journal: bool,
+    base_placements: Sequence[BasePlacement],
+    stage: str,
+) -> list[PlacementRow]:
+    """Return the rows of base poses, in their order; new base poses are tried."""
+    stands_on = tuple(sorted(stands_on))
+
+    def variant(base_placement: BasePlacement) -> Variant:
+        key, values = None, {}
+        if has_journal:  # the hash of all inputs of a row: the plan's, and `stands_on`
+            planned = problem.at(base_placement).content_hash(SEARCH_OPTIONS)
+            key = f"{planned} standing on {', '.join(stands_on) or 'nothing'}"
+            base = problem.changes(base_placement)["robot.base"]
+            values = {f"robot.base.{name}": value for name, value in base.items()}
+        call = (problem, base_placement, stands_on, SEARCH_OPTIONS)
+        return Variant(base_placement, call, key, values)
+
+    def crashed(variant: Variant, error: Exception) -> PlacementRow:
+        message = f"{type(error).__name__}: {error}"
+        return PlacementRow(variant.argument[1], str(PlanStatus.CRASHED), message)
+
+    former = run.rows
+    new = [each for each in dict.fromkeys(base_placements) if each not in former]
+    run.run(tried, map(variant, new), len(new), failed=crashed, stage=stage)
+    rows = run.rows
+    return [rows[base_placement] for base_placement in base_placements]
 
 
 def _starts(rows: Sequence[PlacementRow]) -> list[PlacementRow]:

@@ -3,30 +3,22 @@
 import hashlib
 import io
 import pickle
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from time import monotonic, perf_counter
-from typing import Any, Generic, TypeAlias, TypeVar
+from time import perf_counter
+from typing import Any, TypeAlias
 
 from tubeplanner.checks import checked_options, require_executor
 from tubeplanner.errors import OptionError, TubePlannerError, shown
 from tubeplanner.geometry.collision_checker import CollisionScene
-from tubeplanner.outcome import (
-    PlanStatus,
-    ProgressCallback,
-    StoppedBy,
-    TimeLimitReached,
-    require_callback,
-)
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import CycleResult, PlanResult
-from tubeplanner.planning.strategy import plan, plan_cycle
 from tubeplanner.resources import EXAMPLE_PREFIX
 from tubeplanner.studies.problem_spec import ProblemSpec
+from tubeplanner.studies.rows import Row, plan_either, run_many
 from tubeplanner.studies.worker_processes import WorkerProcesses
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.problem import PlanningProblem
@@ -38,7 +30,7 @@ Plannable: TypeAlias = PlanningProblem | Cycle | ProblemSpec | str | Path
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedItem:
+class PlannedItem(Row):
     """The plan of one of many problems.
 
     Attributes:
@@ -56,18 +48,6 @@ class PlannedItem:
     loading_time: float = 0.0
 
     __repr__ = short_repr
-
-    @property
-    def status(self) -> PlanStatus:
-        """Status of the plan; bad_input where the problem is invalid."""
-        if self.result is not None:
-            return self.result.status
-        return PlanStatus.CRASHED if self.crashed else PlanStatus.BAD_INPUT
-
-    @property
-    def duration(self) -> float | None:
-        """Duration of the certified motion [s]; None if there is none."""
-        return None if self.result is None else self.result.duration
 
 
 def plan_many(
@@ -102,15 +82,6 @@ def plan_many(
     if not isinstance(problems, Iterable) or isinstance(problems, str | Path):
         raise OptionError(f"problems are {shown(problems)}; give a list or a generator of them")
     return _planned_many(problems, options, executor)
-
-
-def plan_either(
-    problem: PlanningProblem | Cycle, options: PlanOptions, progress: ProgressCallback | None = None
-) -> PlanResult | CycleResult:
-    """Plan a problem or a cycle, with the arguments and exceptions of `plan`."""
-    if isinstance(problem, Cycle):
-        return plan_cycle(problem, options, progress)
-    return plan(problem, options, progress)
 
 
 # Apart from `plan_many`, which checks its arguments before the first item is taken.
@@ -167,148 +138,6 @@ def _answer(call: tuple[Any, PlanOptions]) -> tuple[Any, float]:
     if isinstance(packed, Parcel) and isinstance(problem, PlanningProblem):
         return reply(result, problem), loading_time
     return result, loading_time
-
-
-# ---- Calls of one function with many items, by any executor.
-
-_T = TypeVar("_T")
-_R = TypeVar("_R")
-# More would hold more in memory; fewer would leave some of a large cluster without work.
-_SUBMITTED = 4000
-
-
-@dataclass(frozen=True)
-class Done(Generic[_R]):
-    """The result of the call with one item.
-
-    Attributes:
-        index: Index of the item.
-        value: The returned value; None if the call failed.
-        error: The exception of the call or of its worker; None if the call returned.
-    """
-
-    index: int
-    value: _R | None = None
-    error: Exception | None = None
-
-
-def run_many(
-    work: Callable[[_T], _R],
-    items: Iterable[_T],
-    executor: Executor | None = None,
-    until: float | None = None,
-) -> Iterator[Done[_R]]:
-    """Call a function with each item, and yield each result in the order of completion.
-
-    Args:
-        work: The function; it must be importable by name for executors that pickle.
-        items: Its arguments; taken a few thousand at most ahead of the finished calls.
-        executor: Executor of the calls, by `submit` alone; None: this process, one after the other.
-        until: Time by `time.monotonic` after which no call of an executor is waited for; None:
-            all are waited for.
-
-    Raises:
-        OptionError: The executor broke, or dropped items: unfinished calls are lost.
-        TimeLimitReached: `until` has passed.
-        KeyboardInterrupt: Ctrl-C; calls that have not begun are dropped.
-    """
-    if executor is None:
-        for index, item in enumerate(items):
-            try:
-                result = Done(index, work(item))
-            except Exception as error:
-                result = Done(index, error=error)
-            yield result
-        return
-    waiting: dict[Future[_R], int] = {}
-    finished: SimpleQueue[Future[_R]] = SimpleQueue()
-    numbered = enumerate(items)
-    try:
-        while True:
-            if finished.empty() and len(waiting) < _SUBMITTED and (entry := next(numbered, None)):
-                index, item = entry
-                try:
-                    future = executor.submit(work, item)
-                except BrokenExecutor as error:
-                    raise _broken(error) from error
-                waiting[future] = index
-                future.add_done_callback(finished.put)
-            elif waiting:
-                try:
-                    future = finished.get(
-                        timeout=None if until is None else max(until - monotonic(), 0.0)
-                    )
-                except Empty:
-                    raise TimeLimitReached from None
-                index = waiting.pop(future)
-                try:
-                    result = Done(index, future.result())
-                except (BrokenExecutor, CancelledError) as error:
-                    raise _broken(error) from error
-                except Exception as error:
-                    result = Done(index, error=error)
-                yield result
-            else:
-                return
-    finally:
-        for future in waiting:
-            future.cancel()
-
-
-def _broken(error: BaseException) -> OptionError:
-    return OptionError(
-        f"the executor broke ({type(error).__name__}: {error}); WorkerProcesses goes on where a "
-        "process dies, and so does a Dask cluster"
-    )
-
-
-_Row = TypeVar("_Row")
-
-
-def swept_rows(
-    work: Callable[..., _Row],
-    items: Iterable[Any],
-    label: Callable[[int], str],
-    executor: Executor | None,
-    progress: Callable[[object], None] | None,
-) -> tuple[list[_Row], StoppedBy | None]:
-    """Return the rows of a sweep in the order of the items, and "interrupt" after Ctrl-C.
-
-    Args:
-        work: Function from an item to its row; in this process it gets `progress`, by that name.
-        items: The items.
-        label: Function from the number of an item, from 1, to its name in messages.
-        executor: Executor of the calls; None: this process, item by item.
-        progress: Called with the stages in this process, or else with the number of finished items.
-
-    Raises:
-        OptionError: Executor or progress is invalid.
-        KeyboardInterrupt: Ctrl-C before the first row.
-        Exception: Any exception of `work`.
-    """
-    require_callback(progress)
-    require_executor(executor)
-    rows: dict[int, _Row] = {}
-    stopped_by: StoppedBy | None = None
-    report = progress or (lambda what: None)
-
-    def work_here(item: Any) -> _Row:
-        name = label(len(rows) + 1)
-        return work(item, progress=lambda what: report(f"{name}: {what}"))
-
-    try:
-        for done in run_many(work_here if executor is None else work, items, executor):
-            if done.error is not None:
-                raise done.error
-            assert done.value is not None
-            rows[done.index] = done.value
-            if executor is not None:
-                report(f"{label(len(rows))}: done")
-    except KeyboardInterrupt:
-        if not rows:
-            raise
-        stopped_by = "interrupt"
-    return [rows[index] for index in sorted(rows)], stopped_by
 
 
 # ---- Parcels: problems and answers pickled for another process, without the scene they share.

@@ -1,19 +1,26 @@
-"""Study: problems, axes, designs of points."""
+"""Study: problems, axes, designs of points; every point planned once; rows and table."""
 
+import hashlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, fields
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeAlias, overload
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import in_figures
-from tubeplanner.errors import FormerName, ProblemError, shown
+from tubeplanner.errors import FormerName, OptionError, ProblemError, shown
+from tubeplanner.outcome import Location, PlanStatus, StoppedBy
 from tubeplanner.planning.options import PlanOptions
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.studies.journal import require_fields
 from tubeplanner.studies.problem_spec import ProblemSpec
+from tubeplanner.studies.rows import PlannedRow, RowRun, Variant, columns
 from tubeplanner.task.field_changes import factor_of
-from tubeplanner.text import short_repr
+from tubeplanner.text import csv_text, short_repr, value_text
 
 # ---- Axes: fields with some values, or with any value between two.
 
@@ -304,3 +311,254 @@ class Study:
         changes = dict(point.values)
         name = changes.pop(PROBLEM, next(iter(self.problems)))
         return self.problems[name].changed(changes)
+
+
+# ---- Rows, made where points are planned, so that little travels.
+
+_HASH_DIGITS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class StudyRow:
+    """One point of a study, and its plan.
+
+    Attributes:
+        point: Index of the point.
+        values: Its values by field path.
+        status: Status of the plan; bad_input where the problem is invalid, crashed where its
+            process died or the program failed.
+        duration: Duration of the certified motion [s]; None if there is none.
+        shortest_duration: Duration of the shortest certified motion [s]; None if there is none.
+        planning_time: Wall time from the loaded problem to the certified result [s]; None without a
+            plan.
+        loading_time: Wall time of reading the problem [s]; None if reading failed.
+        runs: Number of simulated runs; None unless robustness requires them.
+        runs_failed: Number of failed runs; None unless robustness requires them.
+        method: Method of the plan, as of `PlanResult`; None without a plan.
+        message: One sentence: the answer, or the reason for its absence.
+        where: Location of the failure; empty without one.
+        notes: Notes on the answer.
+        trajectory_hash: Hash of all bits of the motion's breakpoints and coefficients; None if
+            there is no motion.
+        key: Hash of all inputs of the point: contents of all its files, options, program; None if
+            its values cannot be set together.
+    """
+
+    point: int
+    values: Mapping[str, Any]
+    status: PlanStatus
+    duration: float | None = None
+    shortest_duration: float | None = None
+    planning_time: float | None = None
+    loading_time: float | None = None
+    runs: int | None = None
+    runs_failed: int | None = None
+    method: str | None = None
+    message: str = ""
+    where: Location = field(default_factory=Location)
+    notes: tuple[str, ...] = ()
+    trajectory_hash: str | None = None
+    key: str | None = None
+
+    __repr__ = short_repr
+
+    @classmethod
+    def of(
+        cls, point: int, values: Mapping[str, Any], key: str | None, answer: Mapping[str, Any]
+    ) -> "StudyRow":
+        """Return the row of an answer.
+
+        Args:
+            point: Index of the point.
+            values: Its values by field path.
+            key: Hash of all inputs of the point.
+            answer: The other fields, as JSON values.
+
+        Raises:
+            ValueError: The answer has unknown fields, or values of other types.
+            TypeError: Its place has unknown fields.
+        """
+        require_fields(cls, {"point": point, "values": {}, **answer})
+        converted: dict[str, Any] = {
+            "status": PlanStatus(answer["status"]),
+            "where": Location.of_dict(answer["where"]),
+            "notes": tuple(answer["notes"]),
+        }
+        return cls(point, values, key=key, **{**answer, **converted})
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the row as JSON values."""
+        return columns(self, (each.name for each in fields(self)))
+
+
+_REFUSED = "status", "message", "where", "notes"
+_PLANNED = (
+    *("status", "message", "where", "duration", "shortest_duration", "method", "planning_time"),
+    *("runs", "runs_failed", "notes"),
+)
+
+
+def planned_answer(spec: ProblemSpec, options: PlanOptions) -> dict[str, Any]:
+    """Plan a problem or a cycle, and return its row as JSON values, without point and values.
+
+    Args:
+        spec: The problem or cycle.
+        options: Planning options.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C, even if a certified motion was there already.
+    """
+    row = PlannedRow.of(spec, options)
+    if row.result is None:
+        return {**columns(row, _REFUSED), "loading_time": row.loading_time}
+    motion = row.result if isinstance(row.result, PlanResult) else row.result.motion
+    trajectory = None if motion is None else motion.trajectory
+    digest = None
+    if trajectory is not None:
+        parts = (trajectory.breakpoints, trajectory.coefficients)
+        content = b"".join(part.tobytes() for part in parts)
+        digest = hashlib.sha256(content).hexdigest()[:_HASH_DIGITS]
+    more = {"trajectory_hash": digest, "loading_time": row.loading_time}
+    return {**columns(row, _PLANNED), **more}
+
+
+def refused_answer(reason: str) -> dict[str, Any]:
+    """Return the answer of a point with an invalid problem, as JSON values."""
+    return columns(PlannedRow(None, reason), _REFUSED)
+
+
+def crashed_answer(error: Exception) -> dict[str, Any]:
+    """Return the answer of a point whose process died or whose plan raised."""
+    text = f"{type(error).__name__}: {error}"
+    return columns(PlannedRow(None, text, crashed=True), _REFUSED)
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """The rows of a study.
+
+    Attributes:
+        study: The study.
+        rows: Rows of all finished points, in the order of the points.
+        stopped_by: "interrupt" if Ctrl-C kept other points from being planned; None otherwise.
+    """
+
+    study: Study
+    rows: tuple[StudyRow, ...]
+    stopped_by: StoppedBy | None = None
+
+    __repr__ = short_repr
+
+    @property
+    def succeeded(self) -> bool:
+        """True if any point has a certified motion."""
+        return any(row.duration is not None for row in self.rows)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of rows of each status, the most frequent first."""
+        return dict(Counter(str(row.status) for row in self.rows).most_common())
+
+    @property
+    def shortest(self) -> StudyRow | None:
+        """The row of the shortest duration; None if no point has a certified motion."""
+        durations = [row.duration for row in self.rows if row.duration is not None]
+        if not durations:
+            return None
+        return next(row for row in self.rows if row.duration == min(durations))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the study as JSON values."""
+        rows = [row.as_dict() for row in self.rows]
+        about = {"study": self.study.name, "points": len(self.study.points), "counts": self.counts}
+        return {**about, "stopped_by": self.stopped_by, "rows": rows}
+
+    def csv(self) -> str:
+        """Return the rows as CSV, with a column for every varied field.
+
+        Lists and maps are written as JSON, places as text, notes with semicolons between them.
+        """
+        paths = [axis.path for axis in self.study.axes]
+        columns = [each.name for each in fields(StudyRow) if each.name not in ("point", "values")]
+        rows = []
+        for row in self.rows:
+            texts = {**row.as_dict(), "where": str(row.where), "notes": "; ".join(row.notes)}
+            values = [value_text(row.values[path]) for path in paths]
+            rows.append([row.point, *values, *(texts[name] for name in columns)])
+        return csv_text(["point", *paths, *columns], rows)
+
+
+# ---- Running: every point planned once, in worker processes, and kept in a journal.
+
+
+def run_study(
+    study: Study,
+    *,
+    journal: str | Path | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[object], None] | None = None,
+) -> StudyResult:
+    """Plan every point of a study, each from scratch, as `plan` does with the study's options.
+
+    Points that agree to the last byte of their files are planned once.
+
+    Args:
+        study: The study.
+        journal: File that keeps every answer at once. Its answers of a former run are used: an
+            interrupted run goes on. None: no file.
+        executor: Any executor of `concurrent.futures`; None: a process for every processor.
+        progress: Called with a `StudyProgress` whenever points are done.
+
+    Returns:
+        A row for every point, in their order. A point that cannot be planned has the reason in its
+        row. After Ctrl-C, the finished rows.
+
+    Raises:
+        OutputError: The journal cannot be used or written.
+        ProblemError: The study is no `Study`.
+        OptionError: The executor broke, a worker has other files than this process had, or an
+            argument is of another kind.
+        KeyboardInterrupt: Ctrl-C before the first point was done.
+    """
+    Study.require(study)
+
+    def variants() -> Iterator[Variant]:
+        for point in study.points:
+            try:
+                spec = study.spec(point)
+            except ProblemError as error:
+                yield Variant(point.index, None, answer=refused_answer(str(error)))
+                continue
+            key = spec.content_hash(study.options)
+            yield Variant(point.index, (key, spec), key, point.values)
+
+    run = RowRun[dict[str, Any]]("points", executor, progress, journal=journal, restore=_restored)
+    with run:
+        work = partial(_answer, options=study.options)
+        count = len(study.points)
+        run.run(work, variants(), count, failed=lambda _, error: crashed_answer(error))
+    rows = (
+        StudyRow.of(index, study.points[index].values, run.key(index), answer)
+        for index, answer in run.rows.items()
+    )
+    return StudyResult(study, tuple(rows), run.stopped_by)
+
+
+def _restored(answer: Mapping[str, Any]) -> dict[str, Any]:
+    StudyRow.of(0, {}, None, answer)
+    return dict(answer)
+
+
+def _answer(call: tuple[str, ProblemSpec], options: PlanOptions) -> dict[str, Any]:
+    """Return the answer of a problem with its key.
+
+    Raises:
+        OptionError: The problem has another key here.
+    """
+    key, spec = call
+    if spec.content_hash(options) != key:
+        raise OptionError(
+            f"{spec.name}: its files, or tubeplanner's own, are not what they were when the study "
+            "began, or where it was started; run it again, the answers so far are kept"
+        )
+    return planned_answer(spec, options)

@@ -1,7 +1,8 @@
 """Sweeps: duration against tolerance, or against any field of a file.
 
-Every radius is planned from scratch, exactly as by `plan`: a start from the neighbour's trajectory
-could end in another local optimum, and a row must not depend on its neighbours.
+Every value is planned from scratch, exactly as by `plan`: a start from the neighbour's trajectory
+could end in another local optimum. Then, when all rows are there, each has the motion of a
+neighbour if that is faster and passes the certificate of the row's own problem.
 """
 
 import time
@@ -9,50 +10,43 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from tubeplanner.checks import checked_options, checked_row, in_figures, is_finite, is_number
-from tubeplanner.errors import OptionError, ProblemError, RobotError
-from tubeplanner.execution.run_verdict import RunVerdict
+from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.optimizer.stages import Sensitivity
-from tubeplanner.outcome import PlanStatus, StoppedBy
+from tubeplanner.outcome import PlanningClock, Progress, ProgressCallback, StoppedBy
 from tubeplanner.planning.options import PlanOptions
-from tubeplanner.planning.result import PlanResult
-from tubeplanner.planning.strategy import plan
-from tubeplanner.studies.plan_many import swept_rows
+from tubeplanner.planning.result import CycleResult, PlanResult, certified_result
 from tubeplanner.studies.problem_spec import ProblemSpec
+from tubeplanner.studies.rows import (
+    PlannedRow,
+    Row,
+    RowRun,
+    Variant,
+    columns,
+    finished_plan,
+    rows_csv,
+    run_many,
+)
 from tubeplanner.studies.study import Levels, Study
 from tubeplanner.task.field_changes import is_of_objective, require_changes, require_path
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.task.problem_format import require_problem
-from tubeplanner.text import csv_text, json_value, short_repr, value_text
+from tubeplanner.task.problem_format import is_cycle, require_problem
+from tubeplanner.text import short_repr, value_text
 
-# ---- Duration against tolerance: one problem planned at several radii.
+# ---- Rows, and the better motions of neighbours.
 
 _SIDES = ("width", "height")  # of boxes, in the order of `Tube.cross_section`
 _SAME = 1e-3  # durations nearer to each other (relative) do not differ
 
 
-class _Row:
-    """A row with the result of planning; None where the problem is invalid."""
-
-    result: PlanResult | None
-
-    @property
-    def status(self) -> PlanStatus:
-        """Status of the plan; bad_input where the problem is invalid."""
-        return PlanStatus.BAD_INPUT if self.result is None else self.result.status
-
-    @property
-    def duration(self) -> float | None:
-        """Duration of the certified trajectory [s]; None if there is none."""
-        return None if self.result is None else self.result.duration
-
-
 @dataclass(frozen=True, eq=False)
-class SweepRow(_Row):
+class SweepRow(Row):
     """One tolerance, and the result of planning with it.
 
     Attributes:
@@ -61,7 +55,7 @@ class SweepRow(_Row):
         result: The result of planning; None where the problem is invalid.
         message: One sentence: the answer, or the reason for its absence.
         elasticity: d ln T / d ln radius (of boxes, width and height) of all segments together, from
-            the sensitivities; None if not known.
+            the sensitivities; None if not known, as of the motion of a narrower tolerance.
         note: Further information about the answer; None: none.
     """
 
@@ -81,21 +75,119 @@ class SweepRow(_Row):
             return None
         return self.elasticity * self.duration / self.value
 
+    @property
+    def radii(self) -> list[float] | None:
+        """The radii of all segments [m]; None where the problem is invalid."""
+        return None if self.problem is None else self.problem.tube.radius.tolist()
+
     def as_dict(self) -> dict[str, Any]:
         """Return the row as JSON values."""
-        radius = None if self.problem is None else self.problem.tube.radius.tolist()
-        return {
-            "value": self.value,
-            "radii": radius,
-            "status": str(self.status),
-            "duration": self.duration,
-            "elasticity": self.elasticity,
-            "slope": self.slope,
-            "method": None if self.result is None else self.result.method,
-            "planning_time": None if self.result is None else self.result.planning_time,
-            "message": self.message,
-            "note": self.note,
-        }
+        answer = "status", "duration", "elasticity", "slope", "method", "planning_time", "message"
+        return columns(self, ("value", "radii", *answer, "note"))
+
+
+@dataclass(frozen=True, eq=False)
+class FieldRow(Row):
+    """One value of the field, and the result of planning with it.
+
+    Attributes:
+        value: The value as given, such as 0.02, [0.02, 0.03] or "x0.5".
+        result: The result of planning; None where the problem is invalid.
+        message: One sentence: the answer, or the reason for its absence.
+        loading_time: Time of reading the problem [s].
+    """
+
+    value: Any
+    result: PlanResult | CycleResult | None
+    message: str
+    loading_time: float
+
+    __repr__ = short_repr
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the row as JSON values."""
+        answer = "status", "duration", "shortest_duration", "runs", "runs_failed", "method"
+        more = "planning_time", "loading_time", "message", "notes"
+        return columns(self, ("value", *answer, *more))
+
+
+def _take_better_motions(
+    run: RowRun[Any],
+    problems: Sequence[PlanningProblem | ProblemSpec | None],
+    names: Sequence[str],
+    options: PlanOptions,
+    *,
+    is_sorted: bool = False,
+) -> None:
+    """Give rows the motion of a neighbour that is faster and passes the certificate of the row.
+
+    Motions go on from row to row until none passes: the result depends on the rows alone. With a
+    slack, which makes durations longer, all rows stay as they are.
+
+    Args:
+        run: The run with all rows, named from 0.
+        problems: Their problems; None where it is invalid.
+        names: Words for their values.
+        options: Their planning options.
+        is_sorted: True if the narrowest tolerance is first: only wider ones take its motion.
+    """
+    planned: dict[int, SweepRow | FieldRow] = dict(run.rows)
+    origins = {k: k for k, row in planned.items() if isinstance(row.result, PlanResult)}
+    pairs = list(pairwise(origins)) if options.slack == 0 else []
+    pairs += [] if is_sorted else [(target, source) for source, target in pairs]
+    durations = {k: row.duration or inf for k, row in planned.items()}
+    tried: set[tuple[int, int]] = set()
+    while True:
+        sources: dict[int, int] = {}  # of the fastest motion, by the row that it may be for
+        for source, target in pairs:
+            limit = (1 - _SAME) * durations[sources.get(target, target)]
+            if durations[source] < limit and (origins[source], target) not in tried:
+                sources[target] = source
+        if not sources:
+            return
+        tried |= {(origins[source], target) for target, source in sources.items()}
+        calls = [(problems[target], run.rows[source].result) for target, source in sources.items()]
+        former = dict(origins)
+        for done in run_many(partial(_judged, options), calls, run.executor):
+            run.report("certificates of neighbours' motions")
+            if done.error is not None:
+                raise done.error
+            if done.value is None:
+                continue
+            target = list(sources)[done.index]
+            row, origins[target] = planned[target], former[sources[target]]
+            durations[target] = done.value.duration or inf
+            own = f"the {row.duration:.4f} s" if row.duration else f"none, but {row.status},"
+            note = (
+                f"the motion of {names[origins[target]]}, which is faster than {own} planned here"
+            )
+            values: dict[str, Any] = {"message": done.value.message}
+            if isinstance(row, SweepRow):
+                values |= {"elasticity": None, "note": note}
+            time_spent = (row.planning_time or 0.0) + done.value.certificate_time
+            notes = (*done.value.notes, note)
+            values["result"] = replace(done.value, planning_time=time_spent, notes=notes)
+            run.replace(target, replace(row, **values))
+
+
+def _judged(
+    options: PlanOptions, call: tuple[PlanningProblem | ProblemSpec, PlanResult]
+) -> PlanResult | None:
+    """Return the result of a motion for another problem; None if it is none there."""
+    problem, result = call
+    loaded = problem.load() if isinstance(problem, ProblemSpec) else problem
+    trajectory = result.trajectory
+    if not isinstance(loaded, PlanningProblem) or trajectory is None:
+        return None
+    if options.robust and loaded.robustness is not None:  # only a simulation knows
+        return None
+    if set(trajectory.joint_names) != set(loaded.robot.joint_names):
+        return None
+    judged = certified_result(loaded, trajectory, result.method, PlanningClock(None, None))
+    return judged if judged.succeeded else None
+
+
+# ---- Duration against tolerance: one problem planned at several radii.
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,13 +221,11 @@ class SweepResult:
 
     def csv(self) -> str:
         """Return the rows as CSV; `radii` has a number per segment [m], spaces between."""
-        _, *others = SweepRow(1.0, None, None, "").as_dict()
-        rows = []
-        for row in self.rows:
-            fields = row.as_dict()
-            radii = " ".join(repr(value) for value in fields["radii"] or ())
-            rows.append({**fields, "radii": radii}.values())
-        return csv_text([self.quantity, *others], rows)
+
+        def texts(row: SweepRow) -> dict[str, str]:
+            return {"radii": " ".join(map(repr, row.radii or ()))}
+
+        return rows_csv(self.rows, texts, value=self.quantity)
 
 
 def sweep(
@@ -148,6 +238,10 @@ def sweep(
     progress: Callable[[object], None] | None = None,
 ) -> SweepResult:
     """Plan a problem at several tolerances, each from scratch.
+
+    Where the motion of a narrower tolerance is faster, and passes the certificate of the wider
+    tube, it is the answer there, and the row's note says so: not with a slack, or errors of the arm
+    to survive.
 
     Args:
         problem: The planning problem; its radii are replaced.
@@ -182,34 +276,23 @@ def sweep(
         if not is_number(value) or not is_finite(value) or value <= 0:
             raise OptionError(f"{quantity} is {in_figures(value)}; it must be > 0 and finite")
     values = sorted({float(value) for value in values})
-    work = partial(
-        _tolerance_row, problem, quantity, checked_options(options, PlanOptions).shortest
-    )
-    label = f"tolerance {{}} of {len(values)}".format
-    rows, stopped_by = swept_rows(work, values, label, executor, progress)
-    for number, row in enumerate(rows):
-        faster = [
-            narrow
-            for narrow in rows[:number]
-            if narrow.duration is not None
-            and row.duration is not None
-            and narrow.duration < (1 - _SAME) * row.duration
-        ]
-        if faster:
-            note = (
-                f"another local optimum: the faster motion of {quantity} {faster[-1].value:g} "
-                "stays in this tube too"
-            )
-            rows[number] = replace(row, note=note)
-    return SweepResult(problem, quantity, tuple(rows), stopped_by)
+    options = checked_options(options, PlanOptions).shortest
+    with RowRun[SweepRow]("tolerances", executor, progress, is_here=True) as run:
+        here = run.report if executor is None else None
+        work = partial(_tolerance_row, problem, quantity, options, here)
+        run.run(work, (Variant(*each) for each in enumerate(values)), len(values))
+        names = [f"{quantity} {value:g}" for value in values]
+        problems = [row.problem for row in run.rows.values()]
+        _take_better_motions(run, problems, names, options, is_sorted=True)
+    return SweepResult(problem, quantity, tuple(run.rows.values()), run.stopped_by)
 
 
 def _tolerance_row(
     problem: PlanningProblem,
     quantity: str,
     options: PlanOptions,
+    progress: ProgressCallback | None,
     value: float,
-    progress: Callable[[object], None] | None = None,
 ) -> SweepRow:
     tube = problem.tube
     try:
@@ -217,9 +300,8 @@ def _tolerance_row(
         spec = problem.with_tube(changed)
     except ProblemError as error:
         return SweepRow(value, None, None, str(error))
-    result = plan(spec, options, progress)
-    if result.stopped_by == "interrupt":
-        raise KeyboardInterrupt
+    result = finished_plan(spec, options, progress)
+    assert isinstance(result, PlanResult)
     elasticities = [_by_whole_radius(each, spec.tube) for each in result.sensitivities]
     # + 0.0: no minus in front of zero.
     elasticity = sum(elasticities) + 0.0 if elasticities else None
@@ -238,67 +320,6 @@ def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
 
 
 # ---- Duration against any field of a problem file.
-
-
-@dataclass(frozen=True, eq=False)
-class FieldRow(_Row):
-    """One value of the field, and the result of planning with it.
-
-    Attributes:
-        value: The value as given, such as 0.02, [0.02, 0.03] or "x0.5".
-        result: The result of planning; None where the problem is invalid.
-        message: One sentence: the answer, or the reason for its absence.
-        loading_time: Time of reading the problem [s].
-    """
-
-    value: Any
-    result: PlanResult | None
-    message: str
-    loading_time: float
-
-    __repr__ = short_repr
-
-    @property
-    def shortest_duration(self) -> float | None:
-        """Duration of the shortest certified trajectory [s]; None if there is none."""
-        return None if self.result is None else self.result.shortest_duration
-
-    @property
-    def verdict(self) -> RunVerdict | None:
-        """Verdict over the answer's simulated runs; None unless robustness requires runs."""
-        survival = None if self.result is None else self.result.survival
-        return None if survival is None else survival.verdict
-
-    @property
-    def runs(self) -> int | None:
-        """Number of simulated runs; None unless robustness requires runs."""
-        return None if self.verdict is None else self.verdict.runs
-
-    @property
-    def runs_failed(self) -> int | None:
-        """Number of failed runs; None unless robustness requires runs."""
-        return None if self.verdict is None else self.verdict.failed
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes on the answer."""
-        return () if self.result is None else self.result.notes
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the row as JSON values."""
-        return {
-            "value": json_value(self.value),
-            "status": str(self.status),
-            "duration": self.duration,
-            "shortest_duration": self.shortest_duration,
-            "runs": self.runs,
-            "runs_failed": self.runs_failed,
-            "method": None if self.result is None else self.result.method,
-            "planning_time": None if self.result is None else self.result.planning_time,
-            "loading_time": self.loading_time,
-            "message": self.message,
-            "notes": list(self.notes),
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,12 +363,11 @@ class FieldSweep:
 
     def csv(self) -> str:
         """Return the rows as CSV; lists and maps as JSON, notes with semicolons between."""
-        _, *others = FieldRow(None, None, "", 0.0).as_dict()
-        rows = []
-        for row in self.rows:
-            texts = {"value": value_text(row.value), "notes": "; ".join(row.notes)}
-            rows.append({**row.as_dict(), **texts}.values())
-        return csv_text([self.path, *others], rows)
+
+        def texts(row: FieldRow) -> dict[str, str]:
+            return {"value": value_text(row.value), "notes": "; ".join(row.notes)}
+
+        return rows_csv(self.rows, texts, value=self.path)
 
 
 def sweep_field(
@@ -362,17 +382,20 @@ def sweep_field(
 ) -> FieldSweep:
     """Plan a problem file at several values of a field, each from scratch.
 
+    Where the motion of a neighbouring value is faster, and passes the certificate of the row's own
+    problem, it is the row's answer, and a note says so: not with a slack or errors of the arm to
+    survive, of different periods, or of cycles.
+
     Answers are the shortest motions, unless a slack is given or the field is of the objective.
 
     Args:
-        problem: A path, or `example:ROBOT/NAME` for a bundled problem.
+        problem: A path of a problem or cycle, or `example:ROBOT/NAME` for a bundled one.
         path: Path of the field, as for `load_problem`.
         values: Values of the field; "x0.5" scales every number there.
         changes: Values of other fields by path, set first.
         options: Planning options.
         executor: Any executor of `concurrent.futures`; None: this process, value by value.
-        progress: Called as by `plan`, its stage with the value in front; with an executor, when a
-            value is done.
+        progress: Called with a `StudyProgress`, which has the stage of the plan in this process.
 
     Returns:
         A row for every value, in their order. A value that cannot be planned has the reason in its
@@ -398,33 +421,31 @@ def sweep_field(
     if path in changes:
         raise OptionError(f"{path} is both varied and changed; leave out one of them")
     spec = ProblemSpec.read(problem)
-    require_problem(spec.document, spec.name)
+    if not is_cycle(spec.document):
+        require_problem(spec.document, spec.name)
     levels = [Levels(path, values)]
     study = Study(spec.name, {spec.name: spec.changed(changes)}, levels, options=options)
-    items = ((value, study.spec(point)) for value, point in zip(values, study.points, strict=True))
-    label = f"value {{}} of {len(values)}".format
-    rows, stopped_by = swept_rows(partial(_field_row, options), items, label, executor, progress)
-    return FieldSweep(study.name, path, tuple(rows), stopped_by)
+    specs = [study.spec(point) for point in study.points]
+    with RowRun[FieldRow]("values", executor, progress, is_here=True) as run:
+        here = run.report if executor is None else None
+        items = enumerate(zip(values, specs, strict=True))
+        work = partial(_field_row, options, here)
+        run.run(work, (Variant(*each) for each in items), len(values))
+        if path != "period":  # a motion has the period that it was planned with
+            names = [f"{path} {value_text(value)}" for value in values]
+            _take_better_motions(run, specs, names, options)
+    return FieldSweep(study.name, path, tuple(run.rows.values()), run.stopped_by)
 
 
 def _field_row(
-    options: PlanOptions,
-    item: tuple[Any, ProblemSpec],
-    progress: Callable[[object], None] | None = None,
+    options: PlanOptions, progress: ProgressCallback | None, item: tuple[Any, ProblemSpec]
 ) -> FieldRow:
-    """Return the row of a value, given with its problem; arguments as of `plan`."""
+    """Return the row of a value, given with its problem."""
     value, spec = item
     begin = time.perf_counter()
     if progress is not None:
-        progress("loading robot and collision geometry")
-    try:
-        problem = spec.load()
-    except (ProblemError, RobotError) as error:
-        reason = str(error).removeprefix(f"{spec.name}: ")
-        return FieldRow(value, None, reason, time.perf_counter() - begin)
-    loading_time = time.perf_counter() - begin
-    assert isinstance(problem, PlanningProblem)
-    result = plan(problem, options, progress)
-    if result.stopped_by == "interrupt":
-        raise KeyboardInterrupt
-    return FieldRow(value, result, result.message, loading_time)
+        progress(Progress("loading robot and collision geometry"))
+    row = PlannedRow.of(spec, options, progress, raises_options=True)
+    spent = time.perf_counter() - begin
+    loading_time = spent if row.loading_time is None else row.loading_time
+    return FieldRow(value, row.result, row.message, loading_time)

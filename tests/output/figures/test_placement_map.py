@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 from tubeplanner import BasePlacement, load_problem, plot_placement
 from tubeplanner.outcome import Location
 from tubeplanner.studies.base_regions import Region
-from tubeplanner.studies.placement_rows import GivenPlacement, Placement, PlacementRow
+from tubeplanner.studies.placement import GivenPlacement, Placement, PlacementRow
 
 GRID = Region.of([-1.0, 1.0, -1.0, 1.0], 0.0).grid(32, 0.0)  # two columns of two, eight angles
 CORNERS = [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)]

@@ -18,8 +18,7 @@ from tubeplanner.output.figures.sweep_figures import (
     status_words,
     value_label,
 )
-from tubeplanner.studies.study import Latin, Levels
-from tubeplanner.studies.study_run import StudyResult
+from tubeplanner.studies.study import Latin, Levels, StudyResult
 
 WITH_PLAN = {PlanStatus.SUCCESS, PlanStatus.INTERRUPTED}
 PROBLEM = "example:two_link/paper_1_30mm"

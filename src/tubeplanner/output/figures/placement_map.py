@@ -13,7 +13,7 @@ from tubeplanner.output.drawing import OBSTACLE_COLOR, SPEED_COLORS, WARNING_COL
 from tubeplanner.output.figures.figure_files import new_figure, saved
 from tubeplanner.output.figures.sweep_figures import StatusMark, status_mark, status_words
 from tubeplanner.studies.base_regions import BasePlacement
-from tubeplanner.studies.placement_rows import (
+from tubeplanner.studies.placement import (
     BASE_IN_OBSTACLE,
     KINDS,
     Placement,

@@ -23,8 +23,7 @@ from tubeplanner.output.figures.sweep_figures import (
     value_label,
 )
 from tubeplanner.studies.comparison import Comparison, ComparisonRow
-from tubeplanner.studies.study import Interval
-from tubeplanner.studies.study_run import StudyResult, StudyRow
+from tubeplanner.studies.study import Interval, StudyResult, StudyRow
 from tubeplanner.task.field_changes import is_of_objective
 from tubeplanner.text import value_text
 
