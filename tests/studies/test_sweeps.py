@@ -3,12 +3,14 @@
 import csv
 import io
 import json
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from cases import SHORTEST, simulated_sweep
+from studied import Here
 
 from tubeplanner import (
     OptionError,
@@ -20,8 +22,12 @@ from tubeplanner import (
     plan,
     sweep,
     sweep_field,
+    verify,
 )
 from tubeplanner.errors import ProblemError
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
+from tubeplanner.planning.result import refused_result
+from tubeplanner.studies import rows
 
 PROBLEM = "example:two_link/paper_1_30mm"
 FAST = PlanOptions(quality="fast")
@@ -90,6 +96,46 @@ def table_of(result):
 def test_what_cannot_be_swept_is_refused_by_name(arguments, message, bundled):
     with pytest.raises(OptionError, match=message):
         sweep(bundled("two_link/paper_1_30mm"), **arguments)
+
+
+@pytest.fixture
+def slow_when_wide(monkeypatch):
+    """Plans of radii above 15 mm stop at corners, or find nothing above 35 mm."""
+
+    def planned(problem, options, progress):
+        radius = problem.tube.radius[0]
+        if radius > 0.035:
+            return refused_result(Infeasible(PlanStatus.NO_TRAJECTORY, "none", Location()), "m")
+        return plan(problem, STOPS if radius > 0.015 else options, progress)
+
+    monkeypatch.setattr(rows, "plan_either", planned)
+
+
+@pytest.mark.parametrize("executor", [None, Here()])
+def test_a_wider_tube_has_the_faster_motion_of_the_narrower(slow_when_wide, bundled, executor):
+    problem = bundled("two_link/paper_1_30mm")
+    result = sweep(problem, [0.04, 0.01, 0.02, 0.03], options=FAST, executor=executor)
+    narrow, *wider = result.rows
+    slow = plan(wider[1].problem, STOPS).duration
+    assert narrow.note is None
+    assert wider[0].note.startswith("the motion of radius 0.01, which is faster than the ")
+    assert f"than the {slow:.4f} s planned here" in wider[1].note
+    assert wider[2].note.endswith("faster than none, but no_trajectory, planned here")
+    for row in wider:
+        assert row.duration == narrow.duration
+        assert row.result.certificate.passed
+        assert verify(row.problem, row.result.trajectory).passed
+        assert (row.elasticity, row.slope, row.result.notes[-1]) == (None, None, row.note)
+    slacked = sweep(problem, [0.01, 0.02], options=replace(FAST, slack=0.01)).rows
+    assert slacked[1].note is None
+
+
+def test_a_value_has_the_faster_motion_of_a_neighbour_if_it_passes_there(slow_when_wide):
+    radii = sweep_field(PROBLEM, "tube.radius", [0.03, 0.02, 0.01, 0.005], options=FAST).rows
+    assert radii[0].duration == radii[1].duration == radii[2].duration < radii[3].duration
+    assert [row.notes[-1].startswith("the motion of tube.radius 0.01") for row in radii] == [
+        *(True, True, False, False),
+    ]
 
 
 def boxed(two_link, tool_radius=0.0):
