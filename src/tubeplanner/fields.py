@@ -5,6 +5,7 @@ kind in files where that is narrower. `section_of` makes the section of a file f
 """
 
 import dataclasses
+import inspect
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, get_args
 
@@ -31,15 +32,11 @@ class DeclaredSection(Section):
 
 
 _Section = TypeVar("_Section", bound=Section)
+_Kind = TypeVar("_Kind")
 
 
 def one_of(is_accepted: Callable[[Any], bool], kinds: str) -> BeforeValidator:
-    """Return a validator with one message for all alternatives of a field.
-
-    Args:
-        is_accepted: Returns True for a value of an accepted kind.
-        kinds: The accepted kinds, for the message.
-    """
+    """Return a validator with one message, naming the accepted kinds, for all alternatives."""
 
     def validated(value: Any) -> Any:
         if not is_accepted(value):
@@ -102,6 +99,14 @@ def declared(default: Any, description: str, kind: Any = None, **more: Any) -> A
     return dataclasses.field(default=of_python, metadata=metadata)
 
 
+def documented(kind: type[_Kind]) -> type[_Kind]:
+    """Decorate a dataclass: its docstring has the descriptions of its fields."""
+    fields = vars(kind)["__dataclass_fields__"].items()
+    rows = [f"\n    {name}: {field.metadata['description']}." for name, field in fields]
+    kind.__doc__ = f"{inspect.cleandoc(kind.__doc__ or '')}\n\nAttributes:{''.join(rows)}"
+    return kind
+
+
 def section_of(kind: Any, *order: str) -> Callable[[type[_Section]], type[_Section]]:
     """Return a decorator that adds the declared fields of a dataclass to a section.
 
@@ -147,13 +152,7 @@ _REQUIREMENTS = {
 
 
 def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseModel]) -> str:
-    """Return the message of a document's first fault: field, value and required value.
-
-    Args:
-        data: The document.
-        error: Pydantic's report on the document.
-        root: Model of the document.
-    """
+    """Return the message of a document's first fault: field, value and required value."""
     faults, fault = error.errors(), _deepest(data, error)
     steps, kind = _steps(data, fault["loc"]), fault["type"]
     if kind == "extra_forbidden":

@@ -6,7 +6,7 @@ import pytest
 import trimesh
 from arms import axle, opened
 
-from tubeplanner.cli.info import problem_text
+from tubeplanner.cli.info import task_text
 from tubeplanner.task.field_changes import parse_change
 from tubeplanner.task.info import problem_info
 
@@ -162,7 +162,7 @@ def test_states_and_pairs_of_an_srdf_are_listed(bare):
     )
     info = problem_info(path)
     assert info.as_dict()["srdf"]["states"] == {"home": {"turn": 0.5}}
-    text = problem_text(info)
+    text = task_text(info)
     assert "state home: turn 0.5" in text
     assert "1 pairs of links may touch" in text
 

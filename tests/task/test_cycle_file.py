@@ -456,7 +456,7 @@ def test_moves_stand_by_legs_with_what_is_carried(path):
 
 def test_a_cycle_that_does_not_load_is_described_with_the_reason(path):
     info = cycle_info(path, {"moves.back.tube.radius": -1})
-    assert info.cycle is None
+    assert info.task is None
     assert "move 'back': tube.radius" in info.refused
     assert info.as_dict()["cycle"] is None
     assert info.robot.tool_frame == "hand"

@@ -36,9 +36,8 @@ from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import is_cycle_file
 from tubeplanner.task.endpoints import Endpoint
 from tubeplanner.task.info import (
-    CycleInfo,
-    ProblemInfo,
     SrdfInfo,
+    TaskInfo,
     cycle_info,
     problem_info,
     with_doubts,
@@ -87,7 +86,7 @@ def info(
                 raise OptionError("--xacro-arg is for a URDF; a problem has robot.xacro_args")
             frame = {} if tool_frame is None else {"robot.tool_frame": tool_frame}
             read = cycle_info if is_cycle_file(robot) else problem_info
-            contents: RobotInfo | ProblemInfo | CycleInfo = read(robot, changes | frame)
+            contents: RobotInfo | TaskInfo = read(robot, changes | frame)
         else:
             if changes:
                 raise OptionError(f"--set changes a problem file; {robot} is a robot")
@@ -115,12 +114,8 @@ def info(
         more = {"open_meshes": meshes, "plot": files.path_text("plot")}
         console.print_json({**report, **fields, **more})
         return
-    if isinstance(contents, CycleInfo):
-        console.say(cycle_text(contents))
-    elif isinstance(contents, ProblemInfo):
-        console.say(problem_text(contents))
-    else:
-        console.say(robot_text(contents))
+    text = task_text(contents) if isinstance(contents, TaskInfo) else robot_text(contents)
+    console.say(text)
     for note in [*_open_mesh_notes(meshes), *fault]:
         console.say(f"note: {note}")
     if files.written:
@@ -260,15 +255,15 @@ def _links_without(links: Sequence[LinkInfo]) -> list[str]:
 
 
 def _open_meshes(
-    contents: RobotInfo | ProblemInfo | CycleInfo,
+    contents: RobotInfo | TaskInfo,
 ) -> tuple[dict[str, dict[str, int]], list[str]]:
     """Return the open meshes of links and solids, and the fault of a mesh that cannot be read."""
     solids: list[Obstacle | AttachedSolid] = []
     robot = contents if isinstance(contents, RobotInfo) else contents.robot
     if not isinstance(contents, RobotInfo) and (problem := contents.problem) is not None:
         solids += [*problem.obstacles, *problem.attached]
-    if isinstance(contents, CycleInfo) and contents.cycle is not None:
-        attached = [step.solid for step in contents.cycle.steps if isinstance(step, Attach)]
+    if isinstance(contents, TaskInfo) and isinstance(contents.task, Cycle):
+        attached = [step.solid for step in contents.task.steps if isinstance(step, Attach)]
         solids += [solid for solid in attached if solid is not None]
     try:
         return open_meshes(link_contents(robot.arm), solids), []
@@ -316,15 +311,17 @@ def _base_lines(info: RobotInfo) -> list[str]:
 # ---- The contents of a problem, as text.
 
 
-def problem_text(info: ProblemInfo) -> str:
-    """Return the contents of a problem as text."""
+def task_text(info: TaskInfo) -> str:
+    """Return the contents of a problem or a cycle as text."""
     lines = [robot_text(info.robot)]
     if info.srdf is not None:
         lines += srdf_lines(info.srdf)
-    if info.problem is not None:
-        lines += _task_lines(info.problem)
+    if isinstance(info.task, Cycle):
+        lines += _cycle_lines(info.task)
+    elif info.task is not None:
+        lines += _task_lines(info.task)
     if info.refused is not None:
-        lines.append(f"the problem does not load: {info.refused}")
+        lines.append(f"the {info.kind} does not load: {info.refused}")
     return "\n".join(lines)
 
 
@@ -413,18 +410,6 @@ def _range(lower: float, upper: float) -> str:
     if np.isinf(upper):
         return f">= {lower:.4g}"
     return f"<= {upper:.4g}" if np.isinf(lower) else f"in [{lower:.4g}, {upper:.4g}]"
-
-
-def cycle_text(info: CycleInfo) -> str:
-    """Return the contents of a cycle as text."""
-    lines = [robot_text(info.robot)]
-    if info.srdf is not None:
-        lines += srdf_lines(info.srdf)
-    if info.cycle is not None:
-        lines += _cycle_lines(info.cycle)
-    if info.refused is not None:
-        lines.append(f"the cycle does not load: {info.refused}")
-    return "\n".join(lines)
 
 
 def _cycle_lines(cycle: Cycle) -> list[str]:

@@ -241,14 +241,7 @@ class VelocityByPosition:
 
     @classmethod
     def of(cls, where: str, joint: int, law: Any, range_: FloatArray) -> "VelocityByPosition":
-        """Return the law of a joint as in `LimitOverrides`.
-
-        Args:
-            where: Label in messages.
-            joint: Index of the joint in the group.
-            law: A map with deceleration and offset, and lower and upper where they are not the
-                position limits.
-            range_: The joint's position limits, shape (2,) [rad or m].
+        """Return the law of a joint of `LimitOverrides`, its range (2,) [rad or m] the default.
 
         Raises:
             RobotError: A key is unknown or missing, a number is out of its bounds, or there is no

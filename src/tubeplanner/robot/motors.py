@@ -33,10 +33,6 @@ def urdf_friction(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the friction of joints and of their followers, as felt at the joints.
 
-    Args:
-        description: The robot.
-        joint_names: Its planning group.
-
     Returns:
         Viscous friction [N m s/rad or N s/m] and Coulomb friction [N m or N], shape (n,) each.
 
@@ -188,12 +184,6 @@ def resolve_motors(
     description: UrdfDescription, joint_names: Sequence[str], limits: GivenLimits
 ) -> JointMotors:
     """Return the motors of the joints of a planning group, ideal without values.
-
-    Args:
-        description: The robot.
-        joint_names: Its planning group.
-        limits: Layers of limits and motors, later ones above; their factor on the effort scales the
-            stall effort too.
 
     Raises:
         RobotError: A joint has a single end of a torque-speed line, is unknown or has no motor,

@@ -458,12 +458,7 @@ _ANGLES = {"rpy": "angle", "rotation_tolerance": "tolerance"}
 
 
 def angles_of(fields: Any, path: str = "") -> Iterator[Value]:
-    """Yield the largest finite angle of each field of a document that holds angles [rad].
-
-    Args:
-        fields: Maps and lists, as of a problem file.
-        path: Of the fields in the document.
-    """
+    """Yield the largest finite angle of each field of a document, below a path [rad]."""
     if isinstance(fields, Mapping):
         for key, value in fields.items():
             where = f"{path}.{key}" if path else str(key)

@@ -18,6 +18,7 @@ from tubeplanner.fields import (
     Vector,
     declaration,
     declared,
+    documented,
     is_pair,
     is_plain_number,
     one_of,
@@ -92,12 +93,7 @@ class _JointValues:
     """Fields with values of joints: a number for all, a list in chain order, or a map by name."""
 
     def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:
-        """Return the values of a quantity by joint name.
-
-        Args:
-            quantity: Name of the field.
-            chain: The joints of the planning group, in chain order.
-            where: Label of the quantity in messages.
+        """Return the values of a quantity by joint name, of a chain in its order.
 
         Raises:
             RobotError: A list has another number of values than there are joints.
@@ -180,14 +176,10 @@ def _limit(description: str, quantity: JointQuantity, kind: Any = _Numbers) -> A
     return declared({}, text, kind, quantity=quantity)
 
 
+@documented
 @dataclass(frozen=True)
 class PointSpeed:
     """A limit on the speed of a point that moves with a link.
-
-    Attributes:
-        link: Any link of the URDF.
-        position: The point in the link's frame [m].
-        speed: The largest in any direction, in the base frame [m/s].
 
     Raises:
         RobotError: The position is not three numbers, or the speed is not from 1e-6 to 1e9 m/s.
@@ -215,29 +207,17 @@ class PointSpeedFields(DeclaredSection):
     """A limit on the speed of a point of the arm."""
 
 
+@documented
 @dataclass(frozen=True)
 class LimitOverrides(_JointValues):
     """Limits of a problem: maps by joint name, or lists with a value per joint in chain order.
 
     A single number of effort, velocity, acceleration, jerk or effort rate serves for all joints.
 
-    Attributes:
-        effort: Replaces the URDF's effort limit [N m or N]; inf: none. In a map a value may be
-            [backwards, forwards], two magnitudes by the sign of the effort, or a map with
-            increasing positions and efforts there: linear between them, constant beyond.
-        velocity: Replaces the URDF's velocity limit [rad/s or m/s]; inf: none.
-        position: Replaces the URDF's (lower, upper) position limits [rad or m].
-        acceleration: Acceleration limit [rad/s^2 or m/s^2]; a URDF has one from version 1.2 on.
-        jerk: Jerk limit [rad/s^3 or m/s^3], likewise.
-        scale: Commissioning factors (0, 1] on "effort", "velocity" and "acceleration".
-        tool_speed: Limit on the speed of the tool centre point [m/s]; None: none.
-        velocity_tolerance: Fraction of a velocity limit beyond it at which the controller stops;
-            None: not known.
-        effort_rate: Limit on the rate of the effort [N m/s or N/s]; a URDF has none.
-        velocity_by_position: Velocity limits that fall towards the ends of a joint's range: maps
-            with deceleration, offset, and lower and upper where they are not the position limits,
-            as in `VelocityByPosition`; None: none.
-        point_speed: Limits on the speed of points of the arm.
+    Infinite: no limit. In a map of efforts a value may be [backwards, forwards], two magnitudes by
+    the sign of the effort, or a map with increasing positions and efforts there: linear between
+    them, constant beyond. Maps of velocity_by_position have deceleration, offset, and lower and
+    upper where they are not the position limits, as in `VelocityByPosition`; None: none.
     """
 
     effort: EffortPerJoint = _limit(
@@ -357,21 +337,12 @@ def limits_of(section: LimitFields) -> LimitOverrides:
 CURVE = ("saturation_effort", "no_load_velocity")  # the ends of a torque-speed line
 
 
+@documented
 @dataclass(frozen=True)
 class MotorOverrides(_JointValues):
     """Motors of a problem: a number for all joints, a list in chain order, or a map by name.
 
-    Attributes:
-        armature: Inertia of the rotors as felt at the joints [kg m^2 or kg].
-        viscous_friction: Friction in proportion to the velocity [N m s/rad or N s/m].
-        coulomb_friction: Friction independent of the velocity [N m or N]; in a list or a map a
-            value may be [backwards, forwards], by the direction of motion.
-        saturation_effort: Stall effort of a torque-speed line [N m or N]; inf: no line.
-        no_load_velocity: Velocity at which that line reaches zero [rad/s or m/s]; inf: no line.
-        friction_from_urdf: True if the URDF's friction holds where there is no other; None: left to
-            lower layers.
-        friction_uncertainty: Fraction by which friction may be more or less, in [0, 1); None: left
-            to lower layers.
+    None: left to lower layers.
     """
 
     armature: NumberPerJoint = declared(

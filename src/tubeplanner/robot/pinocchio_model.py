@@ -15,7 +15,7 @@ import pinocchio as pin
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
 from tubeplanner.checks import are_numbers, checked_row, in_figures, is_number
 from tubeplanner.errors import RobotError, shown, unknown_name
-from tubeplanner.fields import Finite, Quaternion, Vector, declaration, declared
+from tubeplanner.fields import Finite, Quaternion, Vector, declaration, declared, documented
 from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
 from tubeplanner.robot.urdf import (
     UrdfDescription,
@@ -36,15 +36,10 @@ _MAX_INERTIA = 1e14  # [kg m^2]: the largest mass at ten kilometres
 _STDERR_LOCK = threading.Lock()
 
 
+@documented
 @dataclass(frozen=True)
 class BasePose:
-    """The pose of a robot's root link in its cell; at most one of rpy, quaternion.
-
-    Attributes:
-        position: Of its origin [m].
-        rpy: Roll, pitch, yaw about fixed x, y, z, as in URDF [rad]; None: not rotated.
-        quaternion: x, y, z, w of any length, instead of `rpy`.
-    """
+    """The pose of a robot's root link in its cell; at most one of rpy, quaternion."""
 
     position: Vector = declared((0.0, 0.0, 0.0), "of its origin [m]")
     rpy: Vector | None = declared(None, "fixed x, y, z as in URDF [rad]")
@@ -137,16 +132,10 @@ class BodyInertia:
         return BodyInertia(mass, com, np.asarray(inertia))
 
 
+@documented
 @dataclass(frozen=True)
 class Payload:
-    """A mass carried in the tool frame.
-
-    Attributes:
-        mass: [kg], >= 0.
-        com: Centre of mass in the tool frame [m].
-        inertia: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, axes of the tool frame
-            [kg m^2].
-    """
+    """A mass carried in the tool frame."""
 
     mass: Finite = field(metadata=declaration("what is carried [kg]"))
     com: Vector = declared((0.0, 0.0, 0.0), "centre of mass in tool_frame [m]")
@@ -188,14 +177,10 @@ class Payload:
         return BodyInertia(self.mass, np.array(self.com), self.inertia_matrix())
 
 
+@documented
 @dataclass(frozen=True)
 class ToolOffset:
-    """The tool centre point in the tool frame.
-
-    Attributes:
-        position: [m].
-        rpy: Roll, pitch, yaw about fixed x, y, z, as in URDF [rad].
-    """
+    """The tool centre point in the tool frame."""
 
     position: Vector = declared((0.0, 0.0, 0.0), "where it is in tool_frame [m]")
     rpy: Vector = declared((0.0, 0.0, 0.0), "fixed x, y, z as in URDF [rad]")

@@ -10,7 +10,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import in_figures, is_number
 from tubeplanner.errors import ProblemError, TubePlannerError, shown, unknown_name
-from tubeplanner.fields import Finite, declared
+from tubeplanner.fields import Finite, declared, documented
 from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.solids import MAX_SIZE
 from tubeplanner.robot.model import RobotModel
@@ -85,13 +85,7 @@ def pair_distances(value: Mapping[Names, float]) -> Mapping[Names, float]:
 
 
 def require_checked(checker: CollisionChecker, field: str, pairs: Iterable[Names]) -> None:
-    """Raise ProblemError unless the solids of pairs are checked against each other.
-
-    Args:
-        checker: Geometry of arm and obstacles.
-        field: Name of the pairs' field in messages.
-        pairs: Names of the solids.
-    """
+    """Raise ProblemError unless the solids of a field's pairs are checked against each other."""
     owners = list(dict.fromkeys(shape.owner for shape in checker.shapes))
     for names in pairs:
         for name in names:
@@ -130,19 +124,13 @@ _MAX_DURATION = 1e4  # [s]
 _ROUNDING = 1e-6  # of a period
 
 
+@documented
 @dataclass(frozen=True)
 class Objective:
     """Objective of a trajectory beside the shortest duration.
 
-    Attributes:
-        slack: Fraction of the shortest duration by which the trajectory may be longer; 0: the
-            shortest motion. None: 0.005, unless a duration is given.
-        minimise: Use of that time: "smoothness", efforts that change little and slowly, and small
-            jerks; "energy", the integral of the weighted squared efforts; "work", the integral of
-            the power that motors put in.
-        duration: Of the trajectory [s], in place of a slack; None: the slack decides.
-        weights: Of the squared efforts in the energy, by joint name, >= 0; the weights of other
-            joints are 1/limit^2.
+    Minimised is "smoothness", efforts that change little and slowly, and small jerks; "energy", the
+    integral of weighted squared efforts; or "work", the integral of the power that motors put in.
 
     Raises:
         ProblemError: On construction, for a slack that is no number from 0 to 10, a duration that
@@ -244,11 +232,7 @@ _MIN_PERIOD, _MAX_CONTROLLER_PERIOD = 1e-5, 1.0  # [s]
 
 
 def require_period(period: float, duration: float | None) -> None:
-    """Raise unless a controller's period is within bounds and divides the duration.
-
-    Args:
-        period: Of the controller [s].
-        duration: Required duration of the trajectory [s]; None: any.
+    """Raise unless a controller's period [s] is within bounds and divides a duration [s], if any.
 
     Raises:
         ProblemError: The period is out of its bounds, or the duration is no multiple of it.
@@ -278,33 +262,13 @@ def _error(default: float, description: str, most: float, unit: str = "") -> Any
     return declared(default, description, Finite, bounds=(0.0, most), unit=unit, is_error=True)
 
 
+@documented
 @dataclass(frozen=True)
 class Robustness:
     """Errors that a plan must survive, the controller that meets them, and its stops.
 
-    Errors are bounds: a plan must survive all errors between nothing and the bound.
-
-    Attributes:
-        mass: Relative error of each body's mass, uniform in +-.
-        com: Error of each body's centre of mass, uniform in a ball of this radius [m].
-        payload: Relative error of the payload's mass, uniform in +-.
-        friction: Relative error of each joint's viscous friction, and of its Coulomb friction in
-            each direction, uniform in +-.
-        unmodelled_friction: Viscous friction beside the modelled, as a fraction of the joint's
-            effort limit at its velocity limit, uniform from zero.
-        lag: Time constant with which motors follow an effort command, uniform from zero [s].
-        delay: From a measurement to the effort that follows from it, uniform from zero [s].
-        noise: Standard deviation of measured joint positions, uniform from zero [rad or m].
-        tool: Error of the tool centre point in its link, uniform in a ball of this radius [m].
-        base: Error of the robot's base in its cell, uniform in a ball of this radius [m].
-        control_period: Of the controller [s].
-        controller: "computed-torque", "feedforward-pd" or "pd".
-        bandwidth: Least bandwidth of the controller's feedback [rad/s].
-        velocity_tolerance: Fraction by which a joint may pass its velocity limit before the
-            controller stops the arm; None: that of the limits' preset, or else 0.05.
-        path_tolerance: Distance of a turning joint from the plan at which the controller stops
-            [rad]; a tenth of the number for a sliding joint [m]. None: it does not stop for that.
-        tool_tolerance: Likewise, of the tool centre point [m].
+    Errors are bounds: a plan must survive all errors between nothing and the bound. Controllers are
+    "computed-torque", "feedforward-pd" and "pd".
 
     Raises:
         ProblemError: On construction, for a value out of its bounds or an unknown controller.

@@ -17,18 +17,12 @@ from tubeplanner.geometry.tube.rotation import (
     rotational_tube,
 )
 from tubeplanner.geometry.tube.tube import Tube
-from tubeplanner.outcome import MARGIN_TOLERANCE, ContradictionError, Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.text import short_repr
 
 
 def configuration_of(robot: RobotModel, what: str, values: Any) -> FloatArray:
     """Return a configuration (n,) [rad or m] from joint values in group order or by joint name.
-
-    Args:
-        robot: The arm.
-        what: Name of the values in messages, such as "start".
-        values: n numbers, or a map from joint name to number.
 
     Raises:
         ProblemError: The values are not n finite numbers, or a name is unknown or missing.
@@ -255,95 +249,3 @@ def endpoint_of(value: Goal, point: FloatArray) -> Endpoint:
     if value is None:
         return Endpoint("open", region=GoalRegion(point))
     return Endpoint("joints", joints=value)
-
-
-@dataclass(frozen=True, eq=False)
-class EndChecks:
-    """Checks of start and goal; each raises a `ContradictionError` with its place.
-
-    Attributes:
-        robot: The arm.
-        tube: The tube; messages name its segments.
-        joined: The tube with equal neighbouring segments on one line joined.
-        lower: Lower bounds of joints from limits and joint ranges, shape (m, n) [rad or m].
-        upper: Upper bounds of joints from limits and joint ranges, shape (m, n) [rad or m].
-    """
-
-    robot: RobotModel
-    tube: Tube
-    joined: Tube
-    lower: FloatArray
-    upper: FloatArray
-
-    def require_within_limits(self, what: str, q: FloatArray) -> None:
-        """Raise unless a configuration (n,), with a label, is inside position limits."""
-        limits = self.robot.limits
-        low = limits.lower_position - MARGIN_TOLERANCE
-        high = limits.upper_position + MARGIN_TOLERANCE
-        for joint in np.flatnonzero((q < low) | (q > high)):
-            name = self.robot.joint_names[joint]
-            raise ContradictionError(
-                f"{what}: joint '{name}' at {q[joint]:g} is outside its "
-                f"position limits [{limits.lower_position[joint]:g}, "
-                f"{limits.upper_position[joint]:g}] (radians and metres are meant)",
-                Location(joint=name),
-                configuration=q,
-            )
-
-    def require_inside(self, end: str, q: FloatArray, segment: int) -> None:
-        """Raise unless a configuration (n,) is inside joint ranges and tube of its segment."""
-        number = self.tube.segment_number(segment)
-        lower, upper = self.lower[segment], self.upper[segment]
-        rotation, tool = self.tube.tool_pose(self.robot, q[None])
-        for name, value, low, high in zip(self.robot.joint_names, q, lower, upper, strict=True):
-            if not low - MARGIN_TOLERANCE <= value <= high + MARGIN_TOLERANCE:
-                raise ContradictionError(
-                    f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
-                    f"position limits and joint sign in segment {number}",
-                    Location(joint=name, segment=number).at(tool[0]),
-                    configuration=q,
-                )
-        try:
-            self.require_tool_inside(end, rotation, tool, segment)
-        except ContradictionError as error:
-            raise ContradictionError(str(error), error.location, configuration=q) from error
-
-    def require_tool_inside(
-        self, end: str, rotation: FloatArray, tool: FloatArray, segment: int
-    ) -> None:
-        """Raise unless rotation (1, 3, 3) and position (1, 3) of a tool are inside its segment."""
-        self.require_in_region(end, f"{end}: the tool", tool[0], segment)
-        number = self.tube.segment_number(segment)
-        tube, joined = self.joined.rotation, 0 if end == "start" else -1
-        if tube is None or tube.margin(rotation, tool, joined)[0] >= -MARGIN_TOLERANCE:
-            return
-        error = tube.error(rotation, tool, joined)[0]
-        errors = [*error.tolist(), float(np.linalg.norm(error))]
-        worst = int((abs(np.array(errors)) - tube.bounds[joined]).argmax())
-        about = "" if worst == 3 else f" about {'xyz'[worst]} of the reference orientation"
-        raise ContradictionError(
-            f"{end}: the tool is turned by {errors[worst]:.4g} rad{about}, where the rotation "
-            f"tolerance of segment {number} is {tube.bounds[joined, worst]:.4g} rad; turn the "
-            f"{end}, change tube.orientations[{number + (end == 'goal')}] or widen "
-            f"tube.rotation_tolerance[{number}]",
-            self._location_of(end, number, tool[0]),
-        )
-
-    def require_in_region(self, end: str, what: str, tool: FloatArray, segment: int) -> None:
-        """Raise unless a tool position (3,), with a label, is in the region of a segment."""
-        margin = float(self.joined.margin(tool[None])[0, 0 if end == "start" else -1])
-        if margin < -MARGIN_TOLERANCE:
-            point = self.tube.points[segment + (end == "goal")]
-            region = "box" if self.tube.is_box[segment] else "capsule"
-            number = self.tube.segment_number(segment)
-            raise ContradictionError(
-                f"{what} is at {np.round(tool, 4).tolist()} m, {-margin:.3g} m outside "
-                f"the {region} of segment {number} (its end point is "
-                f"{point.tolist()} m); move the {end} or the reference point",
-                self._location_of(end, number, tool),
-            )
-
-    def _location_of(self, end: str, number: int, tool: FloatArray) -> Location:
-        """Return the place of an end in a numbered segment, the tool at a position (3,)."""
-        point = self.tube.numbers[0 if end == "start" else -1]
-        return Location(segment=number, point=int(point)).at(tool)

@@ -89,10 +89,6 @@ _FACTOR = re.compile(r"x([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 def parse_change(option: str, text: str) -> tuple[str, Any]:
     """Return path and value of FIELD.PATH=VALUE, the value in YAML.
 
-    Args:
-        option: Name of the option in messages.
-        text: The change.
-
     Raises:
         OptionError: The text is no change.
     """
@@ -102,10 +98,6 @@ def parse_change(option: str, text: str) -> tuple[str, Any]:
 
 def parse_variation(option: str, text: str) -> tuple[str, list[Any]]:
     """Return path and values of FIELD.PATH=V1,V2,...: a list in YAML without its brackets.
-
-    Args:
-        option: Name of the option in messages.
-        text: The variation.
 
     Raises:
         OptionError: The text is no variation.
@@ -278,11 +270,7 @@ def _parsed(option: str, text: str, value: str) -> Any:
 
 
 def read_problem_fields(path: Path, changes: Mapping[str, Any] | None = None) -> ProblemFields:
-    """Read a problem file, YAML 1.2 or JSON, and the included files.
-
-    Args:
-        path: The file.
-        changes: Other values, by field path.
+    """Read a problem file, YAML 1.2 or JSON, and its included files, with changes by path.
 
     Raises:
         ProblemError: A file cannot be read or is a cycle, a key is unknown or doubled, a value has
@@ -308,11 +296,6 @@ def changed_problem(
     data: Any, changes: Mapping[str, Any] | None, model: type[Section] = ProblemFields
 ) -> Any:
     """Return the merged content of a problem file with other values at field paths.
-
-    Args:
-        data: Merged content of the file and the files that it includes.
-        changes: Other values, by field path.
-        model: Model of the file.
 
     Raises:
         ProblemError: As `changed_fields`; or changes are no map from paths, or change `include`.

@@ -50,15 +50,10 @@ def is_named(items: Any) -> bool:
 
 
 def move_paths(fields: Any, before: Path, after: Path) -> None:
-    """Change the relative paths of a problem to another folder.
+    """Change the relative paths of a problem, in place, from one folder to another.
 
     Names of bundled robots, presets and problems, `package://` names and absolute paths stay
     unchanged, as do values that are no path: the schema's check reports them.
-
-    Args:
-        fields: Content of a problem file, or a part of it; it is changed.
-        before: Folder where its paths start.
-        after: Folder where the new paths start.
     """
     # Read before the first change: an alias may be at two places.
     locations = [(holder, key, holder[key]) for holder, key, _ in paths_in(fields)]
@@ -71,9 +66,6 @@ def paths_in(fields: Any) -> Iterator[tuple[Any, Any, str]]:
     """Yield holder, key and field of every path in a problem or a cycle.
 
     Of presets only files: the others are bundled names.
-
-    Args:
-        fields: Content of the file, or a part of it.
     """
     fields = _map(fields)
     yield from _paths_in(fields, "include")
@@ -152,13 +144,7 @@ class ProblemLayers:
 
     @classmethod
     def of(cls, data: Any, folder: Path, source: str, path: Path | None = None) -> "ProblemLayers":
-        """Return the layers of the content of a problem file.
-
-        Args:
-            data: The document; unchanged.
-            folder: Where its relative paths start.
-            source: Name of the document in messages.
-            path: The file of the document; None: there is none.
+        """Return the layers of a document with relative paths from a folder, from a file if any.
 
         Raises:
             ProblemError: An included file cannot be read or is no part of a problem, files include
@@ -199,12 +185,7 @@ class ProblemLayers:
         return reduce(merged_fields, self.documents[:-1], {})
 
     def source_of(self, merged: Any, steps: Sequence[int | str]) -> str:
-        """Return the source of a value: the last layer that has the value.
-
-        Args:
-            merged: Merged content of all documents, perhaps changed since.
-            steps: Keys and indices that lead to the value in the merged content.
-        """
+        """Return the source of a value of the merged content: the last layer that has it."""
         target = _value_at(merged, merged, steps)
         for source, document in zip(self.sources[::-1], self.documents[::-1], strict=True):
             value = _value_at(document, merged, steps)
@@ -216,14 +197,7 @@ class ProblemLayers:
 def _layers(
     data: Any, folder: Path, source: str, chain: tuple[Path, ...]
 ) -> Iterator[tuple[str, Any, Path]]:
-    """Yield source, document and folder of the included files, then of the document itself.
-
-    Args:
-        data: The document.
-        folder: Where its relative paths start.
-        source: Name of the document in messages.
-        chain: Files that lead here, each including the next.
-    """
+    """Yield source, document and folder of the included files, then of the document itself."""
     value = data.get(INCLUDE) if isinstance(data, dict) else None
     files = [] if value is None else value if isinstance(value, list) else [value]
     for name in files:

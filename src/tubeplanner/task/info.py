@@ -1,4 +1,4 @@
-"""ProblemInfo and CycleInfo: robot, missing limits, task if it loads."""
+"""TaskInfo: what the file of a problem or cycle holds: robot, missing limits, task if it loads."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -29,7 +29,7 @@ from tubeplanner.task.problem_reader import load_problem, robot_arguments
 
 _Task = TypeVar("_Task", bound=PlanningProblem | Cycle)
 
-# ---- Problem files.
+# ---- Files of problems and cycles.
 
 
 @dataclass(frozen=True)
@@ -44,40 +44,43 @@ class SrdfInfo:
     states: Mapping[str, Mapping[str, float]]
     disabled_pairs: tuple[tuple[str, str], ...]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the content as JSON values."""
-        return {"states": self.states, "disabled_pairs": self.disabled_pairs}
-
 
 @dataclass(frozen=True)
-class ProblemInfo:
-    """Content of a problem file.
+class TaskInfo:
+    """Content of the file of a problem or a cycle.
 
     Attributes:
+        kind: "problem" or "cycle".
         robot: The robot.
         srdf: Content of the SRDF; None without an SRDF.
-        problem: The problem; None if it does not load.
-        refused: Message of the error if the problem does not load; else None.
+        task: The problem or the cycle; None if it does not load.
+        refused: Message of the error if the task does not load; else None.
     """
 
+    kind: str
     robot: RobotInfo
     srdf: SrdfInfo | None
-    problem: PlanningProblem | None
+    task: PlanningProblem | Cycle | None
     refused: str | None
+
+    @property
+    def problem(self) -> PlanningProblem | None:
+        """The problem, of a cycle its first leg's; None if it does not load."""
+        return self.task.problem_from_anywhere(0) if isinstance(self.task, Cycle) else self.task
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content as JSON values."""
-        srdf = None if self.srdf is None else self.srdf.as_dict()
-        task = None if self.problem is None else _problem_task(self.problem)
-        return {**self.robot.as_dict(), "srdf": srdf, "refused": self.refused, "task": task}
+        srdf = None if self.srdf is None else vars(self.srdf)
+        values: dict[str, Any] = {"srdf": srdf, "refused": self.refused}
+        if self.kind == "cycle":
+            task = _cycle_task(self.task) if isinstance(self.task, Cycle) else None
+            return self.robot.as_dict() | values | {"cycle": task}
+        task = _problem_task(self.task) if isinstance(self.task, PlanningProblem) else None
+        return self.robot.as_dict() | values | {"task": task}
 
 
-def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> ProblemInfo:
+def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> TaskInfo:
     """Return the content of a problem file, with its robot even if the problem does not load.
-
-    Args:
-        name: A path, or `example:ROBOT/NAME`.
-        changes: Other values, by field path.
 
     Raises:
         ProblemError: The file cannot be read or contradicts its format.
@@ -86,41 +89,41 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
     path = find_problem(name, Path())
     fields = read_problem_fields(path, changes)
     load = partial(load_problem, name, reads_tube=fields.tube is not None, changes=changes)
-    return ProblemInfo(*_parts(fields, path.parent, load, problem_doubts))
+    return _task_info("problem", fields, path.parent, load, problem_doubts)
 
 
-def _parts(
+def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> TaskInfo:
+    """Return the content of a cycle file; arguments and errors as of `problem_info`."""
+    path = find_problem(name, Path())
+    layers = ProblemLayers.read(path)
+    data = changed_problem(layers.merged, changes, CycleFields)
+    fields = check_cycle_fields(data, layers.sources[-1], layers.source_of)
+    load = partial(load_cycle, name, changes=changes)
+    return _task_info("cycle", fields, path.parent, load, cycle_doubts)
+
+
+def _task_info(
+    kind: str,
     fields: ProblemFields | CycleFields,
     directory: Path,
     load: Callable[[], _Task],
     task_doubts: Callable[[_Task], Sequence[str]],
-) -> tuple[RobotInfo, SrdfInfo | None, _Task | None, str | None]:
-    """Return the parts of a ProblemInfo or CycleInfo.
-
-    Args:
-        fields: Fields of the file.
-        directory: Where relative paths start.
-        load: Loads the problem or the cycle.
-        task_doubts: Returns notes on implausible values of the problem or cycle.
-    """
+) -> TaskInfo:
     robot = robot_info(**robot_arguments(fields.robot, directory))
-    srdf = srdf_info(robot)
+    urdf, srdf = robot.arm.urdf, None
+    if urdf.srdf is not None:
+        srdf = SrdfInfo(urdf.srdf.group_states(), tuple(urdf.srdf.allowed_pairs(urdf.links)))
     try:
         task = load()
     except (ProblemError, RobotError) as error:
         notes = [*doubts(angles_of(fields.model_dump())), *robot_doubts(robot.arm)]
-        return with_doubts(robot, notes), srdf, None, str(error)
+        return TaskInfo(kind, with_doubts(robot, notes), srdf, None, str(error))
     notes = [*task_doubts(task), *unlimited_notes(task.robot)]
-    return with_doubts(robot, notes), srdf, task, None
+    return TaskInfo(kind, with_doubts(robot, notes), srdf, task, None)
 
 
 def with_doubts(robot: RobotInfo, task_notes: Sequence[str] | None = None) -> RobotInfo:
-    """Return the contents of a robot with notes on implausible values.
-
-    Args:
-        robot: The contents.
-        task_notes: Notes on its problem or cycle; None: on the robot alone.
-    """
+    """Return a robot with notes on its task; None: on implausible values of the robot alone."""
     notes = robot_doubts(robot.arm) if task_notes is None else task_notes
     return replace(robot, notes=(*robot.notes, *notes))
 
@@ -169,18 +172,6 @@ def _goal_note(problem: PlanningProblem) -> list[str]:
         f"goal.tolerance is {most:g} mm; no motion is needed: move the goal, or give a smaller "
         "tolerance [m]"
     ]
-
-
-def srdf_info(robot: RobotInfo) -> SrdfInfo | None:
-    """Return the content of a robot's SRDF; None without an SRDF.
-
-    Raises:
-        RobotError: A value of a state is no number.
-    """
-    urdf = robot.arm.urdf
-    if urdf.srdf is None:
-        return None
-    return SrdfInfo(urdf.srdf.group_states(), tuple(urdf.srdf.allowed_pairs(urdf.links)))
 
 
 def _solid(solid: Obstacle | AttachedSolid) -> dict[str, Any]:
@@ -240,47 +231,6 @@ def _segment(problem: PlanningProblem, k: int) -> dict[str, Any]:
         **numbers,
         "joint_ranges": tube.joint_ranges[k],
     }
-
-
-# ---- Cycle files.
-
-
-@dataclass(frozen=True)
-class CycleInfo:
-    """Content of a cycle file.
-
-    Attributes:
-        robot: The robot.
-        srdf: Content of the SRDF; None without an SRDF.
-        cycle: The cycle; None if it does not load.
-        refused: Message of the error if the cycle does not load; else None.
-    """
-
-    robot: RobotInfo
-    srdf: SrdfInfo | None
-    cycle: Cycle | None
-    refused: str | None
-
-    @property
-    def problem(self) -> PlanningProblem | None:
-        """Planning problem of the first leg; None if the cycle does not load."""
-        return None if self.cycle is None else self.cycle.problem_from_anywhere(0)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the content as JSON values."""
-        srdf = None if self.srdf is None else self.srdf.as_dict()
-        task = None if self.cycle is None else _cycle_task(self.cycle)
-        return {**self.robot.as_dict(), "srdf": srdf, "refused": self.refused, "cycle": task}
-
-
-def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> CycleInfo:
-    """Return the content of a cycle file; arguments and errors as of `problem_info`."""
-    path = find_problem(name, Path())
-    layers = ProblemLayers.read(path)
-    data = changed_problem(layers.merged, changes, CycleFields)
-    fields = check_cycle_fields(data, layers.sources[-1], layers.source_of)
-    load = partial(load_cycle, name, changes=changes)
-    return CycleInfo(*_parts(fields, path.parent, load, cycle_doubts))
 
 
 def _cycle_task(cycle: Cycle) -> dict[str, Any]:

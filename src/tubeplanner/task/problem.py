@@ -28,7 +28,6 @@ from tubeplanner.task.demands import (
     require_period,
 )
 from tubeplanner.task.endpoints import (
-    EndChecks,
     Endpoint,
     GoalRegion,
     Seed,
@@ -110,7 +109,7 @@ class PlanningProblem:
         self._keep("start", self._checked_end("start", self.start, 0))
         last = self.tube.segment_count - 1
         if isinstance(self.goal, GoalRegion):
-            self._end_checks.require_in_region("goal", "goal.position", self.goal.position, last)
+            self._require_in_region("goal", "goal.position", self.goal.position, last)
             if self.goal.rotation_tolerance is not None and self.tube.orientations is None:
                 raise ProblemError(
                     "goal.rotation_tolerance is about the tube's last orientation, but "
@@ -223,12 +222,6 @@ class PlanningProblem:
     def _joined_tube(self) -> Tube:
         return joined_segments(self.tube)
 
-    @cached_property
-    def _end_checks(self) -> EndChecks:
-        return EndChecks(
-            self.robot, self.tube, self._joined_tube, self.joint_lower, self.joint_upper
-        )
-
     @staticmethod
     def require(problem: object) -> None:
         """Raise ProblemError unless a value is a PlanningProblem."""
@@ -277,21 +270,92 @@ class PlanningProblem:
         """Return start or goal in group order; raise unless inside limits and tube."""
         if isinstance(value, ToolPose):
             seed = None if value.seed is None else self._checked_seed(end, value.seed)
-            self._end_checks.require_tool_inside(
-                end, value.rotation[None], value.position[None], segment
-            )
+            self._require_tool_inside(end, value.rotation[None], value.position[None], segment)
             return replace(value, seed=seed)
         if isinstance(value, Seed):
             return Seed(self._checked_seed(end, value.joints))
         q = configuration_of(self.robot, end, value)
-        self._end_checks.require_inside(end, q, segment)
+        self._require_inside(end, q, segment)
         return q
 
     def _checked_seed(self, end: str, value: FloatArray) -> FloatArray:
         """Return a seed in group order; raise unless inside limits."""
         seed = configuration_of(self.robot, f"{end}.seed", value)
-        self._end_checks.require_within_limits(f"{end}.seed", seed)
+        self._require_within_limits(f"{end}.seed", seed)
         return seed
+
+    def _require_within_limits(self, what: str, q: FloatArray) -> None:
+        """Raise unless a configuration (n,), with a label, is inside position limits."""
+        limits = self.robot.limits
+        low = limits.lower_position - MARGIN_TOLERANCE
+        high = limits.upper_position + MARGIN_TOLERANCE
+        for joint in np.flatnonzero((q < low) | (q > high)):
+            name = self.robot.joint_names[joint]
+            raise ContradictionError(
+                f"{what}: joint '{name}' at {q[joint]:g} is outside its "
+                f"position limits [{limits.lower_position[joint]:g}, "
+                f"{limits.upper_position[joint]:g}] (radians and metres are meant)",
+                Location(joint=name),
+                configuration=q,
+            )
+
+    def _require_inside(self, end: str, q: FloatArray, segment: int) -> None:
+        """Raise unless a configuration (n,) is inside joint ranges and tube of its segment."""
+        number = self.tube.segment_number(segment)
+        lower, upper = self.joint_lower[segment], self.joint_upper[segment]
+        rotation, tool = self.tube.tool_pose(self.robot, q[None])
+        for name, value, low, high in zip(self.robot.joint_names, q, lower, upper, strict=True):
+            if not low - MARGIN_TOLERANCE <= value <= high + MARGIN_TOLERANCE:
+                raise ContradictionError(
+                    f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
+                    f"position limits and joint sign in segment {number}",
+                    Location(joint=name, segment=number).at(tool[0]),
+                    configuration=q,
+                )
+        try:
+            self._require_tool_inside(end, rotation, tool, segment)
+        except ContradictionError as error:
+            raise ContradictionError(str(error), error.location, configuration=q) from error
+
+    def _require_tool_inside(
+        self, end: str, rotation: FloatArray, tool: FloatArray, segment: int
+    ) -> None:
+        """Raise unless rotation (1, 3, 3) and position (1, 3) of a tool are inside its segment."""
+        self._require_in_region(end, f"{end}: the tool", tool[0], segment)
+        number = self.tube.segment_number(segment)
+        tube, joined = self._joined_tube.rotation, 0 if end == "start" else -1
+        if tube is None or tube.margin(rotation, tool, joined)[0] >= -MARGIN_TOLERANCE:
+            return
+        error = tube.error(rotation, tool, joined)[0]
+        errors = [*error.tolist(), float(np.linalg.norm(error))]
+        worst = int((abs(np.array(errors)) - tube.bounds[joined]).argmax())
+        about = "" if worst == 3 else f" about {'xyz'[worst]} of the reference orientation"
+        raise ContradictionError(
+            f"{end}: the tool is turned by {errors[worst]:.4g} rad{about}, where the rotation "
+            f"tolerance of segment {number} is {tube.bounds[joined, worst]:.4g} rad; turn the "
+            f"{end}, change tube.orientations[{number + (end == 'goal')}] or widen "
+            f"tube.rotation_tolerance[{number}]",
+            self._location_of(end, number, tool[0]),
+        )
+
+    def _require_in_region(self, end: str, what: str, tool: FloatArray, segment: int) -> None:
+        """Raise unless a tool position (3,), with a label, is in the region of a segment."""
+        margin = float(self._joined_tube.margin(tool[None])[0, 0 if end == "start" else -1])
+        if margin < -MARGIN_TOLERANCE:
+            point = self.tube.points[segment + (end == "goal")]
+            region = "box" if self.tube.is_box[segment] else "capsule"
+            number = self.tube.segment_number(segment)
+            raise ContradictionError(
+                f"{what} is at {np.round(tool, 4).tolist()} m, {-margin:.3g} m outside "
+                f"the {region} of segment {number} (its end point is "
+                f"{point.tolist()} m); move the {end} or the reference point",
+                self._location_of(end, number, tool),
+            )
+
+    def _location_of(self, end: str, number: int, tool: FloatArray) -> Location:
+        """Return the place of an end in a numbered segment, the tool at a position (3,)."""
+        point = self.tube.numbers[0 if end == "start" else -1]
+        return Location(segment=number, point=int(point)).at(tool)
 
     def _keep_joint_bounds(self) -> None:
         """Keep the intersection of position limits and the tube's joint ranges, (m, n)."""
@@ -343,13 +407,7 @@ _MEMBERS = {
 
 
 def require_parts(holder: object, *names: str, label: str = "") -> None:
-    """Raise ProblemError unless attributes of a problem, a cycle or a step are of their kind.
-
-    Args:
-        holder: The problem, cycle or step.
-        *names: Names of the attributes.
-        label: Begin of the message.
-    """
+    """Raise ProblemError unless attributes of a problem, a cycle or a step are of their kind."""
     for name in names:
         kind, remedy = _PARTS[name]
         if not isinstance(value := getattr(holder, name), kind):
@@ -358,11 +416,6 @@ def require_parts(holder: object, *names: str, label: str = "") -> None:
 
 def given_members(group: str, value: object, label: str = "") -> tuple[Any, ...]:
     """Return a group of solids, contacts or pairs of names as a tuple; a single member alone too.
-
-    Args:
-        group: Name of the attribute of a `PlanningProblem`.
-        value: The group, or a single member.
-        label: Begin of the message.
 
     Raises:
         ProblemError: A member is of another kind.

@@ -154,11 +154,7 @@ def segment_clearances(fields: float | ClearanceFields) -> list[float | None] | 
 
 
 def contacts_of(fields: list[ContactFields], segments: int | None) -> tuple[Contact, ...]:
-    """Return the contacts of a problem.
-
-    Args:
-        fields: Contacts of a file.
-        segments: Number of segments of the file's tube; None: not known yet.
+    """Return the contacts of a problem with a number of segments; None: not known yet.
 
     Raises:
         ProblemError: A segment is neither the first nor the last.

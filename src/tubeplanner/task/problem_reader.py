@@ -216,10 +216,6 @@ def _limit_layers(fields: RobotFields, directory: Path) -> list[LimitOverrides |
 def points_of(fields: TubeFields, directory: Path) -> dict[str, Any]:
     """Return points, radius and orientations of a tube, from its fields or its file of points.
 
-    Args:
-        fields: Fields of the tube.
-        directory: Where its relative paths start.
-
     Raises:
         ProblemError: Radius or orientations are in both, or the radius in neither.
     """
@@ -301,13 +297,6 @@ def end_of(
 ) -> Any:
     """Return the argument start or goal of a `PlanningProblem`; None: an open goal.
 
-    Args:
-        end: Name of the end: start or goal.
-        value: Fields of the end.
-        fields: Fields of the problem file.
-        robot: The arm.
-        directory: Where its relative paths start.
-
     Raises:
         ProblemError: The fields have several ends or none, or name a state or file that does not
             exist.
@@ -338,12 +327,6 @@ def named_endpoint(
     end: str, fields: EndpointFields, robot: RobotModel, directory: Path
 ) -> FloatArray | ToolPose | None:
     """Return the start or goal of a pose, a group state or a trajectory file.
-
-    Args:
-        end: Name of the end in messages: start or goal.
-        fields: Fields of the end.
-        robot: The arm.
-        directory: Where relative paths start.
 
     Returns:
         A configuration (n,) [rad or m], a pose, or None if the fields have none of the three.
@@ -434,13 +417,7 @@ def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict
 def obstacle_of(
     fields: ObstacleFields, directory: Path, folders: PackageDirs, field: str | None = None
 ) -> Obstacle:
-    """Return the solid of fields of a file.
-
-    Args:
-        fields: Fields of the solid.
-        directory: Where its relative paths start.
-        folders: Folders that hold the packages of `package://` names.
-        field: Name of the field in messages; None: an obstacle of its name.
+    """Return the solid of fields, called as a field in messages; None: an obstacle of its name.
 
     Raises:
         ProblemError: The fields have not exactly one shape, or a number is out of its bounds.

@@ -178,13 +178,7 @@ def usual_contacts(
 
 
 def _near_pairs(problem: PlanningProblem, name: str, q: FloatArray | None) -> list[tuple[str, str]]:
-    """Return the pairs of a solid with obstacles that are nearer than their required distance.
-
-    Args:
-        problem: The problem of a leg.
-        name: Name of the solid.
-        q: Configuration, shape (n,); None: unknown, all pairs of bodies that move with the tool.
-    """
+    """Return the pairs of a solid with obstacles nearer than required at q (n,)."""
     robot, checker = problem.robot, problem.collision
     count = len(checker.obstacle_pairs)
     owners = np.array([shape.owner for shape in checker.shapes])[checker.obstacle_pairs]

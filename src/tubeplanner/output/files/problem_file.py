@@ -39,11 +39,7 @@ _CELL = ("obstacles", "clearance", "contacts", "collision")
 
 
 def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
-    """Return the fields of a problem file, of YAML with comments.
-
-    Args:
-        path: The file.
-        changes: Other values, by field path.
+    """Return the fields of a problem file with changes by path, of YAML with comments.
 
     Raises:
         ProblemError: The file cannot be read, has no map or a cycle, or a path leads nowhere.
@@ -73,12 +69,7 @@ def _with_comments(path: Path) -> Any:
 
 
 def included_fields(fields: Any, folder: Path, path: Path | None = None) -> Any:
-    """Return the fields of a problem file with included files.
-
-    Args:
-        fields: Its own fields.
-        folder: Base of their relative paths.
-        path: The file, for messages; None: not from a file.
+    """Return the fields of a problem file in a folder with its included files.
 
     Raises:
         ProblemError: An included file cannot be read or is no problem.
@@ -110,14 +101,7 @@ def new_fields(urdf: str, tool_frame: str, cell: Path | None) -> Any:
 
 
 def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProblem) -> bytes:
-    """Return a problem file's contents with a problem's tube, start and goal.
-
-    Args:
-        fields: Fields of a problem file; they are changed.
-        folder: Base of their relative paths.
-        target: Path of the contents; its ending chooses JSON or YAML.
-        problem: Its tube and its ends, configurations, are written.
-    """
+    """Return a problem file's contents with a problem's tube, start and goal."""
     below = ProblemLayers.of(fields, folder, "the problem").below
     merged = merged_fields(below, fields)
     tube_fields = _tube_fields(problem.tube)
@@ -190,14 +174,7 @@ def with_placement(
     placement: Mapping[str, Any],
     changes: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """Return a problem file's contents with another base of the robot, for another folder.
-
-    Args:
-        source: A valid problem file.
-        target: Path of the contents; its ending chooses JSON or YAML.
-        placement: Changes of a `Placement`: `robot.base`, start and goal.
-        changes: Other values of the file, by field path.
-    """
+    """Return a problem file's contents with another base of the robot, for another folder."""
     fields = read_fields(source, changes)
     below = ProblemLayers.of(fields, source.parent, str(source)).below
     for path, value in placement.items():
@@ -298,14 +275,9 @@ def _yaml() -> YAML:
 
 
 def change_own(own: Any, merged: Any, target: Any) -> None:
-    """Change a file's own fields to give target values with included files.
+    """Change a file's own fields so that the merged fields get target values, no key left out.
 
     Comments stay; fields that need no change are untouched.
-
-    Args:
-        own: The file's fields; they are changed.
-        merged: Its fields with included files.
-        target: Target of the merged fields: the same with other values, no key left out.
     """
     for key, value in target.items():
         old = merged.get(key)
