@@ -24,8 +24,8 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.limits.motor_costs import effort_variation
 from tubeplanner.limits.peaks import trajectory_peaks
 from tubeplanner.limits.tube_membership import current_segments, tube_use
-from tubeplanner.planning.notes import largest_jerk
 from tubeplanner.planning.result import PlanResult
+from tubeplanner.planning.second_stage import largest_jerk
 from tubeplanner.robot.model import effort_rate
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 

@@ -23,13 +23,8 @@ from tubeplanner import (
     plan,
 )
 from tubeplanner.cli.report import plan_text
-from tubeplanner.planning.notes import (
-    contact_notes,
-    gain_note,
-    jerk_note,
-    largest_jerk,
-    path_minimum,
-)
+from tubeplanner.planning.result import contact_notes, path_minimum
+from tubeplanner.planning.second_stage import gain_note, jerk_note, largest_jerk
 from tubeplanner.trajectory.parts import resting
 
 # Notes on solids that overlap where a motion begins or ends in contact.

@@ -108,11 +108,7 @@ def not_required(unit: str, reason: str) -> JudgedCondition:
 def bracketed(margin: float, attained: float, unit: str, where: Location) -> JudgedCondition:
     """Return a condition that holds for all t, undecided if its bounds are far apart.
 
-    Args:
-        margin: Lower bound of the margin.
-        attained: A margin that the trajectory has, in the same unit.
-        unit: "m", "rad" or "relative".
-        where: Location of the smallest margin.
+    The margin is a lower bound; the trajectory has the attained margin, in the same unit.
     """
     allowed = max(_UNDECIDED_LENGTH, _UNDECIDED_FRACTION * abs(attained))
     coverage = FOR_ALL_TIMES if margin >= attained - allowed else undecided(attained, unit)

@@ -103,12 +103,7 @@ def segment_margins(
 ) -> tuple[SegmentMargin, ...]:
     """Return the margins of all conditions of a problem's segments on a trajectory.
 
-    Args:
-        problem: The planning problem.
-        trajectory: The trajectory.
-        tool: Its tool's position.
-        rotation: Its tool's rotation matrix; None: the tube leaves it free.
-        further: Makers of the margins of further conditions.
+    Of its tool's path and rotation matrix (None: the tube leaves it free), and further conditions.
     """
     margins: list[SegmentMargin] = [ToolMargin(problem, tool)]
     margins.append(JointRangeMargin(problem, trajectory))

@@ -251,11 +251,6 @@ def quick_certificate(
     """Return a certificate with the verdict of `verify`, for planners.
 
     Of a trajectory that fails, a condition of segments that holds may be named with a broken one.
-
-    Args:
-        problem: The planning problem.
-        trajectory: Of the problem's joints, in any order.
-        tolerance: Largest violation that counts as none.
     """
     motion = _motion(problem, trajectory, tolerance)
     conditions = {name: judge(motion) for name, judge in JUDGED.items()}
@@ -275,12 +270,7 @@ def _motion(
 
 
 def judged_visits(problem: PlanningProblem, trajectory: JointTrajectory) -> list[Visit]:
-    """Return the visits of segments by a trajectory, as in `verify`.
-
-    Args:
-        problem: The planning problem; the segments are those of `PlanningProblem.joined`.
-        trajectory: Of the problem's joints, in any order.
-    """
+    """Return the visits of the joined segments by a trajectory, as in `verify`."""
     return _motion(problem, trajectory, Tolerance()).visits
 
 

@@ -24,13 +24,6 @@ def simulated_runs(
 ) -> list[JudgedRun]:
     """Return the judged runs of a trajectory, executed by arms drawn at random.
 
-    Args:
-        problem: The planning problem.
-        trajectory: The motion of its joints, in any order.
-        errors: Sizes of the errors, and the controller.
-        draw: Number and seed of the arms.
-        checkpoint: Called often; may raise to end the work.
-
     Raises:
         OptionError: MuJoCo is not installed.
         RobotError: Joints of the robot follow others.
@@ -81,12 +74,7 @@ class Shortfall:
 
 
 def shown_shortfall(problem: PlanningProblem, runs: Sequence[JudgedRun]) -> Shortfall:
-    """Return the shortfall of a plan.
-
-    Args:
-        problem: The planning problem, of joined segments.
-        runs: The plan's judged runs; at least one.
-    """
+    """Return the shortfall of a plan of joined segments in its judged runs, at least one."""
     tube = [run.tube_by_segment for run in runs]
     rotation = [run.rotation_by_segment for run in runs]
     position = [run.position_by_joint for run in runs]
@@ -205,13 +193,9 @@ def blamed_errors(
     errors: Robustness,
     checkpoint: Callable[[], None],
 ) -> ErrorContribution:
-    """Return the contribution of each error to a motion's largest shortfall.
+    """Return the contribution of each error, at least one, to a motion's largest shortfall.
 
-    Args:
-        problem: The planning problem, of joined segments.
-        trajectory: The motion.
-        errors: All errors; at least one is not zero.
-        checkpoint: Called often; may raise to end the work.
+    The problem's segments are joined.
     """
 
     def shortfall(present: Robustness) -> Shortfall:

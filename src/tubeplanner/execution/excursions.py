@@ -213,15 +213,8 @@ def least_clearances(
 ) -> tuple[Extreme | None, Extreme | None]:
     """Return the least distances of links from obstacles and from each other [m].
 
-    Args:
-        problem: The planning problem.
-        time: Times of K samples, shape (K,) [s].
-        q: Positions of the joints, shape (K, n).
-        base: Shift of the robot among the obstacles, shape (3,) [m].
-        more: Distances to subtract, as `additional_distances` returns, shape (K, P) [m]; None: 0.
-
-    Returns:
-        Each None where no pair of its kind is judged; negative where solids overlap.
+    Each None where no pair of its kind is judged; negative where solids overlap. The robot is
+    shifted among the obstacles by `base` (3,) [m]; `more` is that of `additional_distances`.
     """
     rotation, position = problem.robot.body_poses(q)
     checker = problem.collision
@@ -240,15 +233,8 @@ def additional_distances(
     """Return the required distances of pairs beyond the problem's clearance, shape (K, P) [m].
 
     They are those of the plan at the same time. Of pairs of links it is the whole required
-    distance, of pairs that may be in contact -inf: contact is not simulated.
-
-    Args:
-        problem: The planning problem.
-        trajectory: The planned motion.
-        time: Times of K samples, shape (K,) [s].
-
-    Returns:
-        None where all pairs have the problem's clearance.
+    distance, of pairs that may be in contact -inf: contact is not simulated. None where all pairs
+    have the problem's clearance.
     """
     if problem.has_one_clearance:
         return None
@@ -262,11 +248,8 @@ def obstacle_distances(
 ) -> FloatArray:
     """Return the least distance of links from obstacles at each of K samples, shape (K,) [m].
 
-    Args:
-        problem: The planning problem, with at least one judged pair of link and obstacle.
-        q: Positions of the joints, shape (K, n).
-        base: As for `least_clearances`.
-        more: As for `least_clearances`; where all its entries are -inf the distance is inf.
+    At least one pair is judged. Arguments are those of `least_clearances`; where all entries of
+    `more` are -inf the distance is inf.
     """
     rotation, position = problem.robot.body_poses(q)
     position, checker = _shifted(position, base), problem.collision

@@ -25,11 +25,7 @@ _OBLIQUE = np.array([0.1, 0.2, 0.3]), np.array([0.8, 0.6, 0.0, 0.0])
 
 
 def require_mujoco(what: str = "executing trajectories") -> None:
-    """Raise OptionError unless MuJoCo is installed.
-
-    Args:
-        what: The work that needs MuJoCo, for the message.
-    """
+    """Raise OptionError, with the work that needs it, unless MuJoCo is installed."""
     try:
         import mujoco
     except ImportError:
@@ -165,12 +161,7 @@ class ArmsTogether:
 
 
 def mujoco_arms(robot: RobotModel, plants: Sequence[Plant], step: float) -> list[MujocoArm]:
-    """Return the arms of plants in MuJoCo.
-
-    Args:
-        robot: The model, for kinematics and gravity.
-        plants: The arms as they really are.
-        step: Integration step [s].
+    """Return the arms of plants in MuJoCo, with the model's kinematics and an integration step [s].
 
     Raises:
         OptionError: MuJoCo is not installed.

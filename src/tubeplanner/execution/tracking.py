@@ -70,14 +70,7 @@ class PlannedMotion:
 def planned_motion(
     robot: RobotModel, trajectory: JointTrajectory, time: FloatArray, period: float
 ) -> PlannedMotion:
-    """Return the plan at the instants and in the middles of the control periods.
-
-    Args:
-        robot: The controller's model.
-        trajectory: The plan, its joints in the model's order.
-        time: The instants, shape (K,) [s].
-        period: Control period [s].
-    """
+    """Return the plan at instants (K,) [s] and in the middles of the control periods [s]."""
     start, middle = _held(trajectory, time), _held(trajectory, time + period / 2)
     moving = middle.time <= trajectory.duration
     friction = np.where(moving[:, None], coulomb_effort(robot, trajectory, middle), 0.0)
@@ -141,12 +134,8 @@ class Feedback:
     ) -> FloatArray:
         """Return the feedback acceleration in period k, shape (R, n) [rad/s^2 or m/s^2].
 
-        Args:
-            plan: The plan.
-            bandwidth: Bandwidth of each joint at the plan's instants, shape (K, n) [rad/s].
-            k: As for `TrackingController.effort`, like the others.
-            q: Measured positions.
-            v: Measured velocities.
+        The bandwidths (K, n) [rad/s] are those of each joint at the plan's instants, the states as
+        for `TrackingController.effort`.
         """
         w, inertia = bandwidth[k], plan.inertia[k]
         q_error, v_error = plan.start.position[k] - q, plan.start.velocity[k] - v

@@ -64,15 +64,8 @@ def fastest_leg(
 
     Each of the configurations of poses from which a branch leads along the tube is planned, but for
     those whose joints need longer than the fastest motion takes; the others where these have no
-    answer. One after the other: the answer does not depend on timing.
-
-    Args:
-        problem: The planning problem.
-        options: Without `persistent`, the first configuration with an answer is taken.
-        clock: The planning's.
-        last: The motion to begin with: the first configuration with an answer is taken, from the
-            nearest on.
-        takes_first: As without `persistent`: a move after it is to go on from there.
+    answer. One after the other: the answer does not depend on timing. Not `persistent`, from a last
+    motion (there the nearest comes first), and if told so, the first with an answer is taken.
 
     Raises:
         Infeasible: A point is out of reach, proved, or a pose has no configuration.
@@ -218,13 +211,8 @@ _SAME = 0.1  # [rad or m] of every joint
 def other_junctions(cycle: Cycle, k: int, junctions: list[FloatArray]) -> Iterator[FloatArray]:
     """Yield other configurations (n,) for leg k's begin, each with a branch along the leg.
 
-    Configurations nearest to the begin of the leg before come first.
-
-    Args:
-        cycle: The cycle; the leg before ends openly.
-        k: Index of the leg.
-        junctions: Configurations (n,) of the junctions up to the leg's begin; the last one as it
-            is.
+    The leg before ends openly. Configurations nearest to its begin come first. `junctions` are the
+    configurations up to leg k's begin; the last one as it is.
     """
     before = cycle.problem_from_anywhere(k - 1)
     after = cycle.problem_from_anywhere(k)
@@ -277,13 +265,8 @@ def shortest_legs(
 ) -> list[LegPlan]:
     """Return the shortest motion of every leg, each from the end of the leg before.
 
-    A problem is its only leg; there it is the motion with the fastest configurations of poses.
-
-    Args:
-        task: The problem or the cycle.
-        options: Options of planning for each leg.
-        clock: The planning's.
-        last: The motion to begin with, of a problem; None: plan afresh.
+    A problem is its only leg: the motion between the fastest configurations of its poses, begun
+    with its last motion if there is one.
 
     Raises:
         BlockedLeg: A leg of a cycle has no answer from there, or a problem's poses have none.
@@ -422,14 +405,8 @@ def shared_plan(
 ) -> list[LegPlan] | None:
     """Return the shortest motions of all legs between configurations chosen for all.
 
-    Args:
-        cycle: The cycle.
-        greedy: Plans of the legs, each from the end of the leg before.
-        options: Options of planning a leg afresh, where that is necessary.
-        clock: The planning's.
-
-    Returns:
-        None if the sum of durations is no shorter than the greedy plans'.
+    None if the sum of durations is no shorter than that of the greedy plans, each from the end of
+    the leg before.
 
     Raises:
         TimeLimitReached: Before that was known; likewise KeyboardInterrupt.
@@ -494,14 +471,7 @@ def shared_plan(
 def _tied(
     motions: Sequence[RefinedMotion], is_open: Sequence[bool], clock: PlanningClock, *, closed: bool
 ) -> list[PhasedSpline] | None:
-    """Return the splines of legs, legs with open ends improved together; None without a change.
-
-    Args:
-        motions: Of all legs.
-        is_open: Whether each leg ends openly.
-        clock: The planning's.
-        closed: Whether the first leg follows the last.
-    """
+    """Return the splines of legs, legs with open ends improved together; None without a change."""
 
     def checkpoint(duration: float) -> None:
         clock.announce(Progress(_STAGE, best_duration=duration))

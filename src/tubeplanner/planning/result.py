@@ -14,16 +14,17 @@ from tubeplanner.certificate.verification import quick_certificate as verify
 from tubeplanner.errors import FormerName
 from tubeplanner.first_guess.branch_and_bound import SearchStatistics
 from tubeplanner.first_guess.suh_bishop import PhaseTwoStatistics
+from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.limits.peaks import TrajectoryPeaks, peaks_as_dict, trajectory_peaks
 from tubeplanner.limits.speed_limits import unused_speed
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.optimizer.stages import Sensitivity
 from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, StoppedBy
-from tubeplanner.planning.notes import contact_notes, path_minimum
 from tubeplanner.planning.tightening import Survival
 from tubeplanner.robot.notes import robot_notes, unlimited_notes
 from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.demands import START
 from tubeplanner.task.motion import CycleMotion, move_rows
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import in_milliseconds
@@ -299,6 +300,68 @@ def with_diagnosis(result: PlanResult) -> PlanResult:
         plural = "s" if result.starts_tried > 1 else ""
         diagnosis = f"not found, {result.starts_tried} start{plural} tried"
     return replace(result, message=f"{result.message}; {diagnosis}")
+
+
+# ---- Overlaps where a motion begins or ends in contact.
+
+_MIN_DEPTH = 1e-4  # [m]: less comes of rough geometry and rounding
+
+
+def contact_notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
+    """Return notes on solids that overlap in contact at start or goal by more than 0.1 mm."""
+    checker = problem.collision
+    times = {True: 0.0, False: trajectory.duration}
+    notes = {}
+    for contact in problem.contacts:
+        pairs = checker.pairs[checker.between(*contact.links)]
+        for end in contact.ends:
+            q = trajectory.position(times[end == START])
+            rotation, position = problem.robot.body_poses(q[None])
+            depth = -float(np.min(checker.distances(rotation[0], position[0], pairs)))
+            if depth > _MIN_DEPTH:
+                first, second = contact.links
+                key = (end, frozenset(contact.links))
+                notes[key] = (
+                    f"at the {end} '{first}' and '{second}' overlap by {1000 * depth:.3g} mm, as "
+                    "their contact allows; if that is not meant, move one of them"
+                )
+    return tuple(notes.values())
+
+
+# ---- The least time of a path by motors that switch instantly.
+#
+# Libraries that plans do not need are imported on first use.
+
+_GRID_POINTS = 1600
+# Points of the path nearer to each other than this fraction of its length count as one: rounding
+# errors between them would look like curvature.
+_APART = 1e-6
+
+
+def path_minimum(problem: PlanningProblem, trajectory: JointTrajectory) -> float | None:
+    """Return the least time [s] for the path of a trajectory, from rest to rest; None: no solution.
+
+    Under the limits of velocity, acceleration, effort, motors and tool speed at up to 1,600 points
+    of the path, jerk and effort rate unlimited: good to about 0.1 %; less where segments with
+    different tool speeds overlap, since the loosest counts. With viscous friction or torque-speed
+    lines it is an upper bound on the least time; on the paths of bundled problems, a fine search of
+    the phase plane has no time that is 0.2 % less.
+    """
+    from tubeplanner.first_guess.fastest_parameterization import fastest_parameterization
+
+    if not trajectory.coefficients[:-1].any():
+        return None
+    from scipy.interpolate import CubicSpline
+
+    # Points at equal times are close together wherever the trajectory rests: there the path begins,
+    # ends, or has a corner.
+    q = trajectory.position(np.linspace(0, trajectory.duration, _GRID_POINTS))
+    arc_length = arc_lengths(q)
+    _, apart = np.unique(np.floor(arc_length / (_APART * arc_length[-1])), return_index=True)
+    spline = CubicSpline(arc_length[apart] / arc_length[apart[-1]], q[apart])
+    path = JointTrajectory(trajectory.joint_names, spline.x, spline.c)
+    timing = fastest_parameterization(problem, path, path.breakpoints, at_both_ends=False)
+    return None if timing is None else timing.duration
 
 
 # ---- Plans of the legs of a cycle, and of the whole.

@@ -50,16 +50,9 @@ def robust_plan(
 ) -> PlanResult:
     """Return a plan that survives the errors of field robustness in simulation.
 
-    Args:
-        problem: The planning problem, of joined segments.
-        shortest: The problem's shortest motion, certified; or a refusal.
-        again: Plans tightened problems.
-        follow: Makes the written motion of the shortest one.
-        clock: The planning's.
-
-    Returns:
-        A plan certified for the problem itself; or a refusal, where no plan survives. Planning that
-        is stopped early ends with the best so far, perhaps not simulated.
+    `again` plans tightened problems, `follow` makes the written motion of a shortest one. The plan
+    is certified for the problem itself, of joined segments; a refusal where no plan survives.
+    Planning that is stopped early ends with the best so far, perhaps not simulated.
     """
     default = follow(problem, shortest)
     if default.trajectory is None or default.stopped_by is not None:

@@ -6,7 +6,7 @@ from math import ceil, floor
 
 import numpy as np
 
-from tubeplanner.limits.motor_costs import EffortCosts
+from tubeplanner.limits.motor_costs import EffortCosts, effort_variation
 from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline
 from tubeplanner.optimizer.stages import Refinement, SecondStage
 from tubeplanner.optimizer.starts import on_periodic_knots
@@ -18,9 +18,9 @@ from tubeplanner.outcome import (
     Progress,
     until_stopped,
 )
-from tubeplanner.planning.notes import gain_note, jerk_note
 from tubeplanner.planning.refined_plan import certified_motion, entered
 from tubeplanner.planning.result import PlanResult, certified_result
+from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.demands import ENERGY, SMOOTHNESS, Objective
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -51,11 +51,7 @@ def lengthened(
 ) -> JointTrajectory:
     """Return a trajectory slowed to a duration [s]; a longer trajectory stays.
 
-    Args:
-        trajectory: The trajectory.
-        duration: The new duration [s].
-        period: Breakpoints are rounded to multiples of this [s], which they are but for rounding
-            errors; None: breakpoints stay as they are.
+    Breakpoints are rounded to multiples of a period [s], which they are but for rounding errors.
     """
     if not no_longer(trajectory.duration, duration):
         return trajectory
@@ -72,15 +68,8 @@ _DURATIONS = 50
 def cheapest_duration(problem: PlanningProblem, shortest: JointTrajectory, longest: float) -> float:
     """Return the duration [s] in which the shortest motion, run slower, costs least.
 
-    Slower motions need less effort for acceleration, but are held against gravity for longer.
-
-    Args:
-        problem: The planning problem; its objective defines the cost.
-        shortest: The problem's shortest motion.
-        longest: The longest duration [s].
-
-    Returns:
-        One of 50 evenly spaced durations; the longest for smoothness.
+    One of 50 evenly spaced durations up to the longest; the longest for smoothness. Slower motions
+    need less effort for acceleration, but are held against gravity for longer.
     """
     objective = problem.objective or Objective()
     if objective.minimise == SMOOTHNESS:
@@ -104,19 +93,10 @@ _MIN_PERIODS = 2 * REST_POINTS - DEGREE + 1
 def periodic_plan(
     problem: PlanningProblem, shortest: PlanResult, period: float, clock: PlanningClock
 ) -> tuple[PlanResult, PhasedSpline] | None:
-    """Return the shortest motion in whole periods, certified, and its spline.
+    """Return the shortest motion in whole periods, certified, and its spline; None if none is near.
 
     On knots at multiples of a period, the last motion is refined again: knots are fewer where the
     arm sets off, and switching times stay where they are.
-
-    Args:
-        problem: The planning problem.
-        shortest: Refinement's answer, certified.
-        period: [s].
-        clock: The planning's.
-
-    Returns:
-        None if there is no such motion near the shortest motion.
 
     Raises:
         TimeLimitReached: Before there was a motion; likewise KeyboardInterrupt.
@@ -155,14 +135,9 @@ def second_stage_plan(
     longest: float,
     clock: PlanningClock,
 ) -> PlanResult:
-    """Return the best motion in a duration, by the objective; the shortest where that fails.
+    """Return the best motion in a duration [s], by the objective; the shortest where that fails.
 
-    Args:
-        problem: The planning problem.
-        shortest: Refinement's answer, certified.
-        spline: The start: that motion, or one near it on other knots.
-        longest: Duration of the result [s].
-        clock: The planning's.
+    The spline is the start: the shortest motion's, or one near it on other knots.
     """
     work = partial(_certified, problem, shortest, spline, longest, clock)
     result, stopped_by = until_stopped(work)
@@ -227,16 +202,9 @@ def followed_plan(
 ) -> PlanResult:
     """Return the motion that is written: in time, in whole periods, and best by the objective.
 
-    Args:
-        problem: The planning problem.
-        shortest: The answer of planning.
-        slack: Fraction by which the duration may exceed the shortest; None: the slack or the
-            duration of the problem's objective.
-        clock: The planning's.
-
-    Returns:
-        The answer itself if it is not refinement's, or planning was stopped early, but for whole
-        periods and a duration that is asked for. Status no_trajectory if that is too short.
+    Without a slack, it is the slack or the duration of the problem's objective. The answer itself
+    if it is not refinement's, or planning was stopped early, but for whole periods and a duration
+    that is asked for. Status no_trajectory if that is too short.
     """
     problem, objective = problem.joined, problem.objective or Objective()
     duration = objective.duration if slack is None else None
@@ -353,3 +321,71 @@ def _run_in(problem: PlanningProblem, answer: PlanResult, duration: float, note:
         shortest=answer.shortest,
         notes=(*answer.notes, note),
     )
+
+
+# ---- The largest jerk, and the gain of the second stage.
+
+
+def largest_jerk(
+    robot: RobotModel, trajectory: JointTrajectory, *, unlimited: bool = False
+) -> tuple[float, str]:
+    """Return a cubic's largest jerk [rad/s^3 or m/s^3], and its message with the joint.
+
+    Of all joints, or only of those without limits of jerk and effort rate.
+    """
+    peak = abs(trajectory.derivative_coefficients(3)).max(axis=(0, 1))
+    if unlimited:
+        limit = np.minimum(robot.limits.jerk, robot.limits.effort_rate)
+        peak = np.where(np.isfinite(limit), 0.0, peak)
+    joint = int(peak.argmax())
+    unit = "rad/s^3" if robot.revolute[joint] else "m/s^3"
+    return float(peak[joint]), f"{peak[joint]:.2g} {unit} ('{robot.joint_names[joint]}')"
+
+
+def jerk_note(robot: RobotModel, trajectory: JointTrajectory) -> tuple[str, ...]:
+    """Return a note on a cubic's jerk, if some joint has no limit of jerk or effort rate."""
+    peak, words = largest_jerk(robot, trajectory, unlimited=True)
+    if not peak > 0:
+        return ()
+    return (
+        "without a jerk limit, the shortest motion's jerk grows with the square of the number of "
+        f"knots ({len(trajectory.widths)}): here up to {words}",
+    )
+
+
+def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTrajectory) -> str:
+    """Return the note on the second stage's gain by the objective, from the shortest motion."""
+    objective, robot = problem.objective or Objective(), problem.robot
+    if objective.minimise == SMOOTHNESS:
+        done = "smoothed"
+        jerks = [largest_jerk(robot, trajectory)[1] for trajectory in (after, before)]
+        gain = f"largest jerk {jerks[0]}"
+        gain += "" if jerks[0] == jerks[1] else f" instead of {jerks[1]}"
+        if effort_variation(robot, before, before).any():  # none: the links have no masses
+            swings = []
+            for trajectory in (after, before):
+                variation = effort_variation(robot, trajectory, before)
+                joint = int(variation.argmax())
+                is_limited = bool(np.isfinite(robot.limits.effort[joint]))
+                unit = "limits" if is_limited else "times the largest effort of the shortest motion"
+                swings.append(f"{variation[joint]:.1f} {unit} ('{robot.joint_names[joint]}')")
+            gain = f"largest effort swing {swings[0]} instead of {swings[1]}, {gain}"
+    else:
+        costs = [EffortCosts(robot, trajectory) for trajectory in (after, before)]
+        if objective.minimise == ENERGY:
+            weights = objective.energy_weights(robot)
+            values = [cost.energy(weights) for cost in costs]
+            unit = "with the given weights" if objective.weights else "limits^2 s"
+            what = "integral of the squared efforts"
+        else:
+            values, unit, what = [cost.work() for cost in costs], "J", "work of the motors"
+        is_less = values[0] < values[1]
+        gain = f"{what} {values[0]:.4g} instead of {values[1]:.4g} {unit}"
+        if not any(values):
+            is_less, gain = False, f"{what} zero, as the links have no masses"
+        done = f"{objective.minimise} {'saved' if is_less else 'not saved'}"
+    takes, least = f"{after.duration:.4f} s", f"{before.duration:.4f} s"
+    times = f"{takes}, as long as the shortest"
+    if takes != least:
+        times = f"{takes}; the shortest is {least} (--slack 0)"
+    return f"{done}: {times}; {gain}"

@@ -87,14 +87,9 @@ class TightenedPlans:
         ends: FloatArray,
         clock: PlanningClock,
     ) -> None:
-        """Take a problem of joined segments with field robustness.
+        """Take a problem of joined segments with field robustness, and ways to plan it.
 
-        Args:
-            problem: The planning problem.
-            again: Plans tightened problems.
-            follow: Makes the written motion of the shortest one.
-            ends: First and, if given, last configuration of the motions, shape (1 or 2, n).
-            clock: The planning's.
+        The ends are the first and, if given, the last configuration of motions, (1 or 2, n).
         """
         assert problem.robustness is not None
         self._errors = problem.robustness.enlarged(_ENLARGED)
@@ -209,12 +204,6 @@ def _added_duration(
 
     Durations change linearly with radii and rotation tolerances. They change with one over a
     fraction of a velocity limit: of half the velocities a motion takes up to twice the time.
-
-    Args:
-        problem: The problem of the plan, tightened.
-        result: The plan.
-        tightening: The tightening of the problem.
-        target: The other tightening.
     """
     tube, names, added = problem.tube, problem.robot.joint_names, 0.0
     sizes, slower = tube_sizes(tube), tightening.velocity / target.velocity - 1
@@ -258,10 +247,6 @@ _ADDED, _GIVEN_BACK, _MIN_GAIN = 1.1, 0.5, 2e-3
 def surviving_plan(plans: TightenedPlans, default: Candidate) -> Candidate:
     """Return the shortest plan that survives, or the plan with the fewest failures.
 
-    Args:
-        plans: Plans and simulates tightened problems.
-        default: The plan with nothing tightened.
-
     Raises:
         TimeLimitReached: Before the plan was known; likewise KeyboardInterrupt.
     """
@@ -297,11 +282,6 @@ def surviving_plan(plans: TightenedPlans, default: Candidate) -> Candidate:
 
 def safer_plan(plans: TightenedPlans, survivor: Candidate, draw: Draw) -> Candidate | None:
     """Return a plan that is tightened by what arms of a draw lacked, and survives; or None.
-
-    Args:
-        plans: Plans and simulates tightened problems.
-        survivor: The plan, which survived other arms.
-        draw: Arms of which some failed.
 
     Raises:
         TimeLimitReached: Before the plan was known; likewise KeyboardInterrupt.

@@ -85,10 +85,7 @@ def allowed_tightening(
 ) -> Tightening:
     """Return a tightening reduced to the slack of limits, start and goal.
 
-    Args:
-        problem: The planning problem.
-        requested: The tightening to reduce.
-        ends: First and, if given, last configuration of the motion, shape (1 or 2, n).
+    The ends are the first and, if given, the last configuration of the motion, (1 or 2, n).
     """
     tube, limits = problem.tube, problem.robot.limits
     rotations, tool = problem.robot.tool_pose(ends)
@@ -130,11 +127,7 @@ def allowed_tightening(
 
 
 def tightened_problem(problem: PlanningProblem, tightening: Tightening) -> PlanningProblem:
-    """Return the tightened problem; geometry is shared.
-
-    Args:
-        problem: The planning problem.
-        tightening: A tightening that `allowed_tightening` returned.
+    """Return the problem with a tightening that is allowed; geometry is shared.
 
     Raises:
         ProblemError: Start or goal break a tightened limit.

@@ -36,13 +36,7 @@ class Cell:
     handed_over: tuple[str, ...] = ()
 
     def after(self, step: StopStep, robot: RobotModel, q: FloatArray) -> "Cell":
-        """Return the cell after a step.
-
-        Args:
-            step: The step.
-            robot: The arm.
-            q: Configuration of the arm, at rest, shape (n,).
-        """
+        """Return the cell after a step of an arm at rest in a configuration (n,)."""
         if isinstance(step, Attach):
             solid, obstacles = step.solid, self.obstacles
             for obstacle in self.obstacles:
@@ -162,11 +156,7 @@ class Cycle:
         return self.legs[0].robot
 
     def cells(self, junctions: Sequence[FloatArray]) -> list[Cell]:
-        """Return the cell of every leg whose start is known.
-
-        Args:
-            junctions: Configurations (n,) of the first junctions, at least one.
-        """
+        """Return the cell of every leg whose start is among the junctions, (n,) each."""
         cell, cells = Cell(tuple(self.obstacles), tuple(self.attached)), []
         for leg, q in zip(self.legs, junctions, strict=False):
             cell = replace(cell, handed_over=())
@@ -193,10 +183,7 @@ class Cycle:
         return self._problem(k, self.cells(junctions)[k], junctions[k], goal, end)
 
     def problems(self, junctions: Sequence[FloatArray]) -> tuple[PlanningProblem, ...]:
-        """Return the planning problems of all legs.
-
-        Args:
-            junctions: Configurations (n,) of all junctions, one more than legs.
+        """Return the planning problems of all legs, from the configurations (n,) of all junctions.
 
         Raises:
             ProblemError: As `problem`.

@@ -85,12 +85,7 @@ class Leg:
         return move, number, min(end, int(move.tube.numbers[-1]) - 1)
 
     def in_cycle(self, where: Location, begin: float) -> Location:
-        """Return a place in the leg as a place in the cycle.
-
-        Args:
-            where: The place, with times and segments of the leg.
-            begin: Begin of the leg in the cycle [s].
-        """
+        """Return a place in the leg, which begins at a time [s], as a place in the cycle."""
         name, segment = self.name, where.segment
         if segment is not None:
             move, segment = self.move_of(segment)
@@ -100,11 +95,7 @@ class Leg:
 
 
 def legs_of(steps: Sequence[Step], *, closed: bool = False) -> tuple[tuple[Leg, ...], Stop]:
-    """Return the legs of steps, and the rest after the last leg.
-
-    Args:
-        steps: Steps of a cycle.
-        closed: True if the first leg follows the last.
+    """Return the legs of steps, and the rest after the last leg, which the first leg may follow.
 
     Raises:
         ProblemError: There is no move, a move passes through where the arm rests, or moves do not

@@ -199,12 +199,7 @@ Motion: TypeAlias = ProblemMotion | CycleMotion
 
 
 def cycle_motion(cycle: Cycle, legs: Sequence[LegMotion]) -> CycleMotion:
-    """Return the motion of all legs, with rests for the dwells of events.
-
-    Args:
-        cycle: The cycle.
-        legs: Motions of the legs, in order.
-    """
+    """Return the motion of all legs, in order, with rests for the dwells of events."""
     builder = _Builder(cycle)
     for leg, motion in zip(cycle.legs, legs, strict=True):
         builder.stop(leg.before.steps, motion.trajectory.position(0.0))

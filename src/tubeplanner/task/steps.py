@@ -158,12 +158,8 @@ def require_consistent(
 ) -> None:
     """Raise ProblemError, with the name of the step, if steps contradict each other.
 
-    Args:
-        steps: Steps of a cycle.
-        obstacles: Obstacles before the first step.
-        attached: Solids carried during the whole cycle.
-        closed: True if the cycle ends as it began.
-        period: Of the controller [s], dwells being multiples of it; None: dwells are free.
+    Obstacles are those before the first step, attached solids are carried during the whole cycle,
+    and dwells are multiples of the period [s].
     """
     for k, step in enumerate(steps):
         if not isinstance(step, Move | Event | Attach | Detach):
