@@ -9,16 +9,9 @@ from cases import begun
 
 from tubeplanner import GoalRegion, PlanningProblem, PlanOptions, Seed, Tube, load_robot, plan
 from tubeplanner.optimizer import descent
-from tubeplanner.optimizer.descent import (
-    FIRST_PENALTY,
-    MIN_RADIUS,
-    Descent,
-    Outcome,
-    TrustRegion,
-    motion_unit,
-)
-from tubeplanner.optimizer.sequential_program import SequentialProgram
+from tubeplanner.optimizer.descent import FIRST_PENALTY, Descent, SequentialProgram
 from tubeplanner.optimizer.step_program import Step
+from tubeplanner.optimizer.step_search import MIN_RADIUS, Outcome, TrustRegion, motion_unit
 from tubeplanner.optimizer.tied_legs import TiedLegs
 
 

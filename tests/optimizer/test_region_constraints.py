@@ -11,6 +11,7 @@ from tubeplanner import GoalRegion, Tube
 from tubeplanner.geometry.tube.regions import Capsules
 from tubeplanner.limits.path_samples import PathSamples
 from tubeplanner.optimizer.control_variables import FIXED, ControlVariables
+from tubeplanner.optimizer.descent import SequentialProgram
 from tubeplanner.optimizer.phased_spline import PhasedSpline, sampled
 from tubeplanner.optimizer.region_constraints import (
     EvaluatedRegions,
@@ -21,7 +22,6 @@ from tubeplanner.optimizer.region_constraints import (
     goal_keys,
 )
 from tubeplanner.optimizer.segment_runs import OrderedSegments
-from tubeplanner.optimizer.sequential_program import SequentialProgram
 
 STEP = 1e-6
 MARGIN = 0.005

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from tubeplanner import LimitOverrides, PlanningProblem, PointSpeed, Seed, Tube, load_robot
 from tubeplanner.limits.path_samples import LimitKey
-from tubeplanner.optimizer.descent import FIRST_PENALTY, TrustRegion
-from tubeplanner.optimizer.sequential_program import SequentialProgram
+from tubeplanner.optimizer.descent import FIRST_PENALTY, SequentialProgram
 from tubeplanner.optimizer.stages import Refinement, limit_sensitivities
+from tubeplanner.optimizer.step_search import TrustRegion
 
 NAMES = ("joint1", "joint2")
 # Both joints come so near to these ends that they count.

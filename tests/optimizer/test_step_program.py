@@ -11,8 +11,7 @@ from scipy.sparse import csr_matrix
 from tubeplanner import load_problem
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.optimizer.control_variables import LegShape, shared_columns
-from tubeplanner.optimizer.descent import FIRST_PENALTY, Remembered, StepSearch, TrustRegion
-from tubeplanner.optimizer.sequential_program import SequentialProgram
+from tubeplanner.optimizer.descent import FIRST_PENALTY, Remembered, SequentialProgram
 from tubeplanner.optimizer.step_program import (
     BandedProgram,
     Block,
@@ -24,6 +23,7 @@ from tubeplanner.optimizer.step_program import (
     _projected,
     stacked_rows,
 )
+from tubeplanner.optimizer.step_search import StepSearch, TrustRegion
 
 NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
 

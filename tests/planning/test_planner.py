@@ -30,7 +30,7 @@ from tubeplanner import (
 from tubeplanner.first_guess.branches import KnownBranches, configured_ends
 from tubeplanner.geometry.collision_checker import link_covers
 from tubeplanner.outcome import Location, PlanningClock
-from tubeplanner.planning.diagnosis import blocking_sample, certain_blocking_sample
+from tubeplanner.planning.diagnosis import blocking_sample
 from tubeplanner.resources import bundled_problems
 from tubeplanner.task.problem_format import ObstacleFields, ProblemFields, RobotFields, TubeFields
 
@@ -525,7 +525,7 @@ def test_the_tool_may_pass_anywhere_in_the_tube():
     problem = with_ball(0.03)
     start = KnownBranches(problem, PlanningClock(None, None)).require_ends()[0]
     assert blocking_sample(problem, start, Location()).location.obstacle == "ball"
-    assert certain_blocking_sample(problem, start) is None
+    assert blocking_sample(problem, start, Location(), is_certain=True) is None
 
 
 # A motion of a thousandth of the size takes as long, if the limits shrink with it.

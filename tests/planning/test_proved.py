@@ -29,7 +29,7 @@ from tubeplanner import (
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import KnownBranches, configured_ends
 from tubeplanner.outcome import ContradictionError, Infeasible, PlanningClock
-from tubeplanner.planning.necessary_conditions import require_possible, require_within_bound
+from tubeplanner.planning.diagnosis import require_possible, require_within_bound
 
 QUINTIC = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
 

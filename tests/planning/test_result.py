@@ -18,7 +18,7 @@ from tubeplanner import (
 )
 from tubeplanner.first_guess.branches import KnownBranches
 from tubeplanner.outcome import Infeasible, Location, PlanningClock
-from tubeplanner.planning.necessary_conditions import require_possible
+from tubeplanner.planning.diagnosis import require_possible
 from tubeplanner.planning.result import refused_result, with_diagnosis
 
 IN_THE_WAY = "in the start configuration"

@@ -1,151 +1,48 @@
-"""Descent: trust region, feasible steps, accepted iterates of one or more legs."""
+"""Descent of one or more legs: SequentialProgram is one leg on one knot grid."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from itertools import starmap
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.optimizer.control_variables import shared_columns
-from tubeplanner.optimizer.linearization import BROKEN, Linearization, Slack
-from tubeplanner.optimizer.region_constraints import Planes
-from tubeplanner.optimizer.spline_constraints import Iterate
-from tubeplanner.optimizer.step_program import Block, Step, StepProgram, step_program
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.limits.path_samples import LimitKey
+from tubeplanner.optimizer.control_variables import FIXED, ControlVariables, shared_columns
+from tubeplanner.optimizer.linearization import BROKEN, Given, Linearization
+from tubeplanner.optimizer.link_constraints import LinkConstraints
+from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline
+from tubeplanner.optimizer.region_constraints import EvaluatedRegions, Planes, goal_keys
+from tubeplanner.optimizer.rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
+from tubeplanner.optimizer.spline_constraints import Iterate, SplineConstraints
+from tubeplanner.optimizer.step_objective import StepCost, StepObjective
+from tubeplanner.optimizer.step_program import Bounds, Step
+from tubeplanner.optimizer.step_search import (
+    Outcome,
+    StepSearch,
+    TrustRegion,
+    limit_costs,
+    motion_unit,
+)
+from tubeplanner.task.problem import PlanningProblem
 
-# ---- The trust region: a box, and a damping of the step's rates.
+# ---- Shortening a trajectory on one knot grid: one leg of a descent.
 #
-# A linear program ends at the corners of its box. Where motors are not at their limits, corners are
-# worth hardly more than points within, but the error of the linearization (Coriolis and centrifugal
-# efforts) grows with the square of the step's rates: the damping adds that square to the cost.
-# (Lewis & Wright, "A proximal method for composite minimization", 2016.) Box and damping are
-# measured by the size of the motion: in a tube of a millimetre, a step of 1e-4 rad is large.
+# The unknowns are the control points, the switching times and the squared duration. After every
+# step the duration is made exact by time scaling, so that each iterate keeps all limits at its
+# samples; tube and clearances are elastic.
 
-# A motion in which some joint moves farther than this is as large as any [rad or m].
-_LARGE_MOTION = 0.3
-MIN_RADIUS, _MAX_RADIUS = 1e-4, 1.0
-_POOR, _FAIR, _DECENT, _GOOD = 0.1, 0.3, 0.5, 0.7
-_NEARLY_AT_RADIUS = 0.8
-# Damping is at least doubled after a step that gained little, up to this fraction of the error of
-# the step's predicted cost, and divided after a step that gained what it should.
-_FRACTION_OF_ERROR = 0.2
-_MORE, _LESS = 2.0, 5.0
-# In a tube of a millimetre, a damping of 1e7 is a useful one: only beyond all use it is the end.
-_MIN_DAMPING, _MAX_DAMPING = 1e-9, 1e14
-_HOLDS_BACK, _RELAXED = 0.2, 100.0
-# So often damping is relaxed where it may be what lets a step gain little.
-_MAX_RELAXED = 2
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Predicted and actual gain of a step, as fractions of T^2, and its size.
-
-    Attributes:
-        predicted: Gain that the linearization predicts.
-        linear: Gain of the linear program's step.
-        gain: Gain of the step after its correction.
-        size: The radius of the smallest trust region, in units, that contains the step.
-        squared_rates: As in `StepCost.squared_rates`.
-    """
-
-    predicted: float
-    linear: float
-    gain: float
-    size: float
-    squared_rates: float
-
-    @property
-    def ratio(self) -> float:
-        """The gain as a fraction of the prediction."""
-        return self.gain / max(self.predicted, 1e-12)
-
-
-@dataclass(frozen=True)
-class TrustRegion:
-    """Radius and damping of the next step.
-
-    Attributes:
-        radius: Largest change of a control point, in units.
-        damping: Weight of half the step's squared rates in its cost.
-        unit: Of the radius [rad or m]: see `motion_unit`.
-        times_relaxed: How often damping was relaxed.
-    """
-
-    radius: float
-    damping: float = _MIN_DAMPING
-    unit: float = 1.0
-    times_relaxed: int = 0
-
-    @property
-    def largest_change(self) -> float:
-        """Largest change of a control point [rad or m]."""
-        return self.radius * self.unit
-
-    @property
-    def has_collapsed(self) -> bool:
-        """True if radius or damping has reached its bound: the descent ends."""
-        return self.radius < MIN_RADIUS or self.damping > _MAX_DAMPING
-
-    @property
-    def may_relax(self) -> bool:
-        """True if damping may have limited the gain and has not been relaxed too often."""
-        return self.damping * self.unit**2 > _HOLDS_BACK and self.times_relaxed < _MAX_RELAXED
-
-    def relaxed(self) -> "TrustRegion":
-        """Return the region with far less damping, to see the gain of steps then."""
-        return replace(self, damping=self.damping / _RELAXED, times_relaxed=self.times_relaxed + 1)
-
-    def smaller(self) -> "TrustRegion":
-        """Return the region after a step that is infeasible or predicts a loss."""
-        return replace(self, radius=0.4 * self.radius)
-
-    def after(self, outcome: Outcome) -> "TrustRegion":
-        """Return the region after a step with an outcome."""
-        return replace(self, radius=self._next_radius(outcome), damping=self._next_damping(outcome))
-
-    def _next_radius(self, outcome: Outcome) -> float:
-        ratio, size = outcome.ratio, outcome.size
-        if ratio < _POOR:
-            return 0.4 * min(self.radius, max(size, MIN_RADIUS))
-        if ratio > _GOOD and size > _NEARLY_AT_RADIUS * self.radius:
-            return min(2 * self.radius, _MAX_RADIUS)
-        return self.radius
-
-    def _next_damping(self, outcome: Outcome) -> float:
-        if outcome.ratio > _DECENT:
-            return max(self.damping / _LESS, _MIN_DAMPING)
-        if outcome.ratio > _FAIR:
-            return self.damping
-        error = max(outcome.predicted - outcome.linear, 0.0)
-        enough = _FRACTION_OF_ERROR * error / max(outcome.squared_rates, 1e-300)
-        return max(_MORE * self.damping, enough)
-
-
-def motion_unit(motions: Iterable[FloatArray]) -> float:
-    """Return the unit of the trust radius [rad or m]: 1, or less if all joints hardly move.
-
-    Args:
-        motions: Control points of every spline, shape (K, n).
-    """
-    farthest = max(float(np.ptp(points, axis=0).max()) for points in motions)
-    return min(farthest / _LARGE_MOTION, 1.0) or 1.0
-
-
-# ---- Shortening one or more legs by sequential linear programs with a trust region.
-#
-# Consecutive legs may be tied: one begins where the other ends, wherever that is best for the sum
-# of their durations. A leg's gain counts by the leg's fraction of that sum.
-
-# Steps that gain less than this fraction of the prediction get a second-order correction.
-_GOOD_RATIO = 0.3
-# Steps that gain less than this fraction of the prediction after the correction are rejected.
-_WORTH_A_MOVE = 0.02
-# A step that should lose this fraction of T^2 obeys planes of two segments that contradict each
-# other.
-_CONTRADICTION = 5e-4
-# Steps that leave less than this fraction of the violation mend it, if not at once.
-_MENDED = 0.9
+# The first program has the rows that are this near, or a part of the trust region away.
+_NEAR, _NEAR_FRACTION = 0.03, 0.03
+_MAX_DURATION_STEP = 1.0
+# Phases change by at most this fraction of their width, and of the trust region.
+_MAX_WIDTH_FRACTION, _WIDTH_FRACTION = 0.3, 8.0
+# For the multipliers: a small trust region, hardly any quadratic part.
+_MULTIPLIER_TRUST = TrustRegion(0.02, 0.0)
+_MULTIPLIER_SMOOTHING = 1e-3
+# Largest costs that are believed: d ln T^2 by a relative rise is 2 at most for a velocity.
+# (Of a tolerance that the start is on, multipliers said 0.15 where a rise gained nothing.)
+_PLAUSIBLE_OF_SPEED, _PLAUSIBLE_OF_TUBE = 2.0, 0.1
 FIRST_PENALTY, MAX_PENALTY = 3.0, 1e4
 
 
@@ -158,46 +55,6 @@ class Remembered:
 
 
 _NOTHING = Remembered(np.zeros(0, dtype=np.int64), ())
-
-
-class Leg(Protocol):
-    """A leg as the descent uses it."""
-
-    def linearized(
-        self, current: Iterate, trust: TrustRegion, penalty: float, remembered: Remembered
-    ) -> Linearization:
-        """Return the constraints and the cost of a step to first order."""
-        ...
-
-    def goal_after(self, current: Iterate, step: Step) -> FloatArray | None:
-        """Return the configuration (n,) at a goal that moves; None if the tool leaves the goal."""
-        ...
-
-    def moved(self, current: Iterate, step: Step, start: FloatArray | None) -> Iterate | None:
-        """Return the iterate after a step, its moved start at (n,) if given; None if infeasible."""
-        ...
-
-    def gains(
-        self, current: Iterate, trial: Iterate, step: Step, penalty: float
-    ) -> tuple[float, float]:
-        """Return the predicted and the actual gain of a step, as fractions of T^2."""
-        ...
-
-    def slack(self, current: Iterate, trial: Iterate, step: Step) -> FloatArray:
-        """Return the slack of a linearization's rows after a step, by their numbers."""
-        ...
-
-    def squared_rates(self, current: Iterate, step: Step) -> float:
-        """Return the squared rates of a step, as `StepCost.squared_rates`."""
-        ...
-
-    def radius_of(self, current: Iterate, step: Step, unit: float) -> float:
-        """Return the radius of the smallest trust region, in units, that contains a step."""
-        ...
-
-    def after(self, step: Step) -> None:
-        """Record a solution of the step's program."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,10 +80,231 @@ class Improved:
         return iterate
 
 
+class SequentialProgram:
+    """The optimisation of splines on a knot grid.
+
+    Attributes:
+        constraints: The constraints of the splines.
+        grid: The splines' knots.
+        variables: The variable control points.
+        objective: The gain that steps aim at.
+        cost: The quadratic part of a step's cost.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        grid: KnotGrid,
+        links: LinkConstraints | None = None,
+        radius: FloatArray | None = None,
+        objective: StepObjective | None = None,
+        slack: FloatArray | None = None,
+        *,
+        start_moves: bool = False,
+    ) -> None:
+        """Set up constraints, variables and cost.
+
+        Args:
+            problem: The planning problem.
+            grid: The splines' knots.
+            links: The constraints on links, with the pairs that are watched already.
+            radius: Of the tube's segments, if not their own, shape (m,) [m].
+            objective: Gain that steps aim at; None: a shorter duration.
+            slack: The fraction of the tube's regions that stays unused, shape (m,); None: none.
+            start_moves: Whether the start is tied to the end of another leg.
+        """
+        self.objective = objective or StepObjective()
+        radius = problem.tube.effective_radius if radius is None else radius
+        links = links or LinkConstraints(problem)
+        self.constraints = SplineConstraints(
+            problem, grid, links, radius, self.objective.run_in, slack
+        )
+        self._problem, self.grid = problem, grid
+        self.variables = ControlVariables(problem, grid, start_moves=start_moves)
+        self.cost = StepCost(self.variables, grid, problem.robot.joint_count)
+
+    def iterate(self, spline: PhasedSpline) -> Iterate:
+        """Return the iterate of a spline, its control points clipped to the joints' bounds."""
+        points = self.variables.within_bounds(spline.control_points)
+        return self.constraints.at(PhasedSpline(self.grid, spline.switching_times, points))
+
+    def improved(
+        self,
+        current: Iterate,
+        trust: TrustRegion,
+        penalty: float,
+        *,
+        min_gain: float,
+        max_steps: int,
+        checkpoint: Callable[[Iterate], None] = lambda iterate: None,
+    ) -> Improved:
+        """Return a shorter trajectory, or the first iterate; see `Descent.improved`."""
+        descent = Descent((self,), (False,))
+        return descent.improved(
+            (current,),
+            trust,
+            penalty,
+            min_gain=min_gain,
+            max_steps=max_steps,
+            checkpoint=lambda iterates: checkpoint(*iterates),
+        )
+
+    def elasticities(self, current: Iterate) -> dict[LimitKey, float]:
+        """Return d ln T / d ln p of an optimal spline, for every limit p: none is positive.
+
+        Half of the cost of a limit's rows, as their objective is the relative change of T^2. Empty
+        if constraints stay violated.
+        """
+        # The answer's own violation of the margins costs nothing: regions with less margin.
+        regions = tuple(
+            replace(own, margin=own.margin - np.maximum(own.excess, 0.0)) for own in current.regions
+        )
+        current = replace(current, regions=regions)
+        rows, is_elastic = self.constraints.rows(current, None)
+        rows = replace(rows, slack=np.maximum(rows.slack, 0.0))
+        # An open goal is fixed, unless it has tolerances, which have a cost too.
+        has_tolerances = bool(goal_keys(self._problem))
+        bounds = self._bounds(current, _MULTIPLIER_TRUST, goal_moves=has_tolerances)
+        size = StepSize(_MULTIPLIER_TRUST.largest_change, bounds.switching)
+        # Samples that variables hardly move, such as a start on its tolerance, cost nothing.
+        still = tuple(self._hardly_move(own, size) for own in current.regions)
+        near = (rows.slack < _NEAR) & (self._reach(rows, size) + abs(rows.duration) > 0)
+        linear = Linearization(
+            current,
+            (rows, is_elastic),
+            Given(near, _near_planes(current, still), still),
+            self.variables,
+            bounds,
+            self.cost.quadratic(current.spline).times(_MULTIPLIER_SMOOTHING),
+            MAX_PENALTY,
+        )
+        keys = self.constraints.keys
+        of_speed = {key for limit in current.limits for key in limit.limit.keys}
+        is_of_speed = np.array([key in of_speed for key in keys], dtype=bool)
+        plausible = np.where(is_of_speed, _PLAUSIBLE_OF_SPEED, _PLAUSIBLE_OF_TUBE)
+        costs = limit_costs(linear, plausible, self.constraints.rise(current))
+        if costs is None:
+            return {}
+        # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.
+        fraction = np.where(is_of_speed, 1.0, 1 - INNER_MARGIN)
+        return dict(zip(keys, -costs / 2 * fraction, strict=True))
+
+    def _hardly_move(self, regions: EvaluatedRegions, size: StepSize) -> BoolArray:
+        """Return True for samples that a step moves less than the merit function ignores, (N,)."""
+        planes = regions.planes
+        reach = np.full(len(regions.vector), np.inf)
+        reach[planes.sample] = 0.0
+        np.maximum.at(reach, planes.sample, self._reach(regions.rows(planes), size))
+        return (reach < MERIT_TOLERANCE) | ~self.variables.move(regions.at)
+
+    def _reach(self, rows: Rows, size: StepSize) -> FloatArray:
+        """Return the largest change of each row by a step of the variables, shape (R,)."""
+        is_free = self.variables.column[rows.first[:, None] + np.arange(DEGREE + 1)] != FIXED
+        return replace(rows, control=rows.control * is_free[:, :, None]).reach(size)
+
+    def moved(
+        self, current: Iterate, step: Step, start: FloatArray | None = None
+    ) -> Iterate | None:
+        """Return the iterate after a step, its moved start at (n,) if given; None if infeasible."""
+        points = self.variables.moved(current.spline.control_points, step.control, start)
+        if points is None:
+            return None
+        switching_times = current.spline.switching_times.copy()
+        if self.grid.switch_count:
+            switching_times[1:-1] += step.switching
+        return self.constraints.at(PhasedSpline(self.grid, switching_times, points))
+
+    def gains(
+        self, current: Iterate, trial: Iterate, step: Step, penalty: float
+    ) -> tuple[float, float]:
+        """Return the predicted and the actual gain of a step, as fractions of T^2."""
+        before, expected, actual = (
+            max(excess - self.objective.ignored_excess, 0.0)
+            for excess in (current.excess, step.elastic, trial.excess)
+        )
+        predicted = self.objective.predicted_gain(current, step)
+        gain = self.objective.gain(current, trial)
+        return predicted + penalty * (before - expected), gain + penalty * (before - actual)
+
+    def radius_of(self, current: Iterate, step: Step, unit: float) -> float:
+        """Return the radius of the smallest trust region, in units, that contains a step.
+
+        Relative changes of the widths of phases count too: steps fail by them as by control points.
+        """
+        farthest = float(abs(step.control).max(initial=0.0)) / unit
+        widths = np.diff(current.spline.switching_times)[: len(step.switching) + 1]
+        changes = np.diff(step.switching, prepend=0.0, append=0.0)
+        return max(farthest, float(abs(changes / widths).max()) / _WIDTH_FRACTION)
+
+    def linearized(
+        self, current: Iterate, trust: TrustRegion, penalty: float, remembered: Remembered
+    ) -> Linearization:
+        """Return the constraints and the cost of a step to first order."""
+        bounds = self._bounds(current, trust)
+        size = StepSize(trust.largest_change, bounds.switching)
+        rows, is_elastic = self.constraints.rows(current, size)
+        near = (rows.slack < _NEAR) | (rows.slack < _NEAR_FRACTION * rows.reach(size))
+        none = tuple(np.zeros(len(regions.vector), bool) for regions in current.regions)
+        planes = _near_planes(current, none)
+        if remembered.planes:
+            planes = tuple(starmap(Planes.and_also, zip(planes, remembered.planes, strict=True)))
+        regularization = self.cost.quadratic(current.spline, trust.damping)
+        return Linearization(
+            current,
+            (rows, is_elastic),
+            Given(near | np.isin(rows.index, remembered.rows), planes, none),
+            self.variables,
+            bounds,
+            self.objective.cost(current, self.variables, regularization),
+            penalty,
+        )
+
+    def _bounds(self, current: Iterate, trust: TrustRegion, *, goal_moves: bool = True) -> Bounds:
+        widths = np.diff(current.spline.switching_times)
+        widths *= min(_MAX_WIDTH_FRACTION, _WIDTH_FRACTION * trust.radius)
+        switching = np.minimum(np.cumsum(widths)[:-1], np.cumsum(widths[::-1])[-2::-1])
+        points = current.spline.control_points
+        now, fixed = self.variables.of(points), self.variables.held(points)
+        return Bounds(
+            np.clip(self.variables.lower - now, -trust.largest_change, 0.0),
+            np.clip(self.variables.upper - now, 0.0, trust.largest_change),
+            switching[: self.grid.switch_count],
+            widths,
+            (self.objective.least_duration_step, _MAX_DURATION_STEP),
+            fixed if goal_moves or len(fixed) == 0 else np.eye(points.shape[1]),
+        )
+
+
+def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Planes, ...]:
+    """Return the near planes of every kind of regions, except at ignored samples."""
+    near = []
+    for regions, is_ignored in zip(current.regions, ignored, strict=True):
+        planes = regions.planes
+        is_near = (regions.slack(planes) < _NEAR) | regions.is_crossed
+        near.append(planes.where(is_near & ~is_ignored[planes.sample]))
+    return tuple(near)
+
+
+# ---- Shortening one or more legs by sequential linear programs with a trust region.
+#
+# Consecutive legs may be tied: one begins where the other ends, wherever that is best for the sum
+# of their durations. A leg's gain counts by the leg's fraction of that sum.
+
+# Steps that gain less than this fraction of the prediction get a second-order correction.
+_GOOD_RATIO = 0.3
+# Steps that gain less than this fraction of the prediction after the correction are rejected.
+_WORTH_A_MOVE = 0.02
+# A step that should lose this fraction of T^2 obeys planes of two segments that contradict each
+# other.
+_CONTRADICTION = 5e-4
+# Steps that leave less than this fraction of the violation mend it, if not at once.
+_MENDED = 0.9
+
+
 class Descent:
     """The optimisation of splines, each on a knot grid of its own."""
 
-    def __init__(self, legs: Sequence[Leg], is_tied: Sequence[bool]) -> None:
+    def __init__(self, legs: Sequence[SequentialProgram], is_tied: Sequence[bool]) -> None:
         """Take legs.
 
         Args:
@@ -261,9 +339,9 @@ class Descent:
         small_gains, remembered = 0, (_NOTHING,) * len(self._legs)
         for _ in range(max_steps):
             linear = _Linearized(self._legs, self._is_tied, currents, trust, penalty, remembered)
-            steps = linear.solve()
+            steps = linear.search.solve()
             remembered = remembered if steps is None else linear.remembered(steps)
-            result = None if steps is None else self._tried(linear, steps, unit)
+            result = None if steps is None else linear.tried(steps, unit)
             if steps is None or result is None:
                 trust = trust.smaller()
                 continue
@@ -289,34 +367,13 @@ class Descent:
                 return Improved(currents, trust, penalty, has_ended=True)
         return Improved(currents, trust, penalty, has_ended=False)
 
-    def _tried(
-        self, linear: "_Linearized", steps: tuple[Step, ...], unit: float
-    ) -> tuple[tuple[Iterate, ...], Outcome] | None:
-        """Return the iterates after steps, corrected if they gain little, and their outcome.
-
-        None if a step is infeasible or its program contradicts itself.
-        """
-        trials = linear.moved(steps)
-        if trials is None:
-            return None
-        predicted, first_gain = linear.gains(trials, steps)
-        if predicted < -_CONTRADICTION:
-            return None
-        gain = first_gain
-        if gain < _GOOD_RATIO * predicted:
-            trials, gain = linear.corrected(steps, trials, gain)
-        for leg, step in zip(self._legs, steps, strict=True):
-            leg.after(step)
-        rates = linear.squared_rates(steps)
-        return trials, Outcome(predicted, first_gain, gain, linear.radius_of(steps, unit), rates)
-
 
 class _Linearized:
     """All legs at their trajectories to first order: steps, trials and gains."""
 
     def __init__(
         self,
-        legs: Sequence[Leg],
+        legs: Sequence[SequentialProgram],
         is_tied: Sequence[bool],
         currents: Sequence[Iterate],
         trust: TrustRegion,
@@ -333,22 +390,44 @@ class _Linearized:
             for leg, current, own, weight in each
         ]
         columns = shared_columns([linear.shape for linear in self._linear], is_tied)
-        self._search = StepSearch(self._linear, columns)
-
-    def solve(self) -> tuple[Step, ...] | None:
-        return self._search.solve()
+        self.search = StepSearch(self._linear, columns)
 
     def remembered(self, steps: Sequence[Step]) -> tuple[Remembered, ...]:
         each = zip(self._linear, steps, strict=True)
         return tuple(Remembered(linear.added, linear.binding(step)) for linear, step in each)
 
-    def moved(self, steps: Sequence[Step]) -> tuple[Iterate, ...] | None:
+    def tried(
+        self, steps: Sequence[Step], unit: float
+    ) -> tuple[tuple[Iterate, ...], Outcome] | None:
+        """Return the iterates after steps, corrected if they gain little, and their outcome.
+
+        None if a step is infeasible or its program contradicts itself.
+        """
+        trials = self._moved(steps)
+        if trials is None:
+            return None
+        predicted, first_gain = self._gains(trials, steps)
+        if predicted < -_CONTRADICTION:
+            return None
+        gain = first_gain
+        if gain < _GOOD_RATIO * predicted:
+            trials, gain = self._corrected(steps, trials, gain)
+        rates, radius = 0.0, 0.0
+        each = zip(self._weights, self._legs, self._currents, steps, strict=True)
+        for weight, leg, current, step in each:
+            leg.objective.after(step)
+            squared = leg.cost.squared_rates(current.spline, step.control, step.switching)
+            rates += weight * squared
+            radius = max(radius, leg.radius_of(current, step, unit))
+        return trials, Outcome(predicted, first_gain, gain, radius, rates)
+
+    def _moved(self, steps: Sequence[Step]) -> tuple[Iterate, ...] | None:
         """Return the iterates after steps, tied ends agreeing; None if a leg has none."""
         each = list(zip(self._legs, self._currents, steps, strict=True))
         starts: list[FloatArray | None] = [None] * len(each)
         for k, (leg, current, step) in enumerate(each):
             if self._is_tied[k]:
-                goal = leg.goal_after(current, step)
+                goal = leg.variables.goal_after(current.spline.control_points, step.control)
                 if goal is None:
                     return None
                 starts[(k + 1) % len(each)] = goal
@@ -360,7 +439,7 @@ class _Linearized:
             trials.append(trial)
         return tuple(trials)
 
-    def gains(self, trials: Sequence[Iterate], steps: Sequence[Step]) -> tuple[float, float]:
+    def _gains(self, trials: Sequence[Iterate], steps: Sequence[Step]) -> tuple[float, float]:
         """Return the predicted and the actual gain of steps: fractions of T^2, weighted."""
         predicted, gain = 0.0, 0.0
         each = zip(self._weights, self._legs, self._currents, trials, steps, strict=True)
@@ -370,7 +449,7 @@ class _Linearized:
             gain += weight * actual
         return predicted, gain
 
-    def corrected(
+    def _corrected(
         self, steps: Sequence[Step], trials: tuple[Iterate, ...], gain: float
     ) -> tuple[tuple[Iterate, ...], float]:
         """Return trials and gain, of steps corrected for the constraints' curvature if better.
@@ -378,98 +457,15 @@ class _Linearized:
         (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
         """
         each = zip(self._legs, self._currents, trials, steps, strict=True)
-        slack = [leg.slack(current, trial, step) for leg, current, trial, step in each]
-        others = self._search.solve_again(steps, trials, slack)
+        slack = [
+            leg.constraints.slack(current, trial, 1 + step.duration)
+            for leg, current, trial, step in each
+        ]
+        others = self.search.solve_again(steps, trials, slack)
         if others is None:
             return trials, gain
-        second = self.moved(others)
+        second = self._moved(others)
         if second is None:
             return trials, gain
-        _, second_gain = self.gains(second, others)
+        _, second_gain = self._gains(second, others)
         return (second, second_gain) if second_gain > gain else (trials, gain)
-
-    def squared_rates(self, steps: Sequence[Step]) -> float:
-        """Return the squared rates of steps, weighted as their cost is."""
-        each = zip(self._weights, self._legs, self._currents, steps, strict=True)
-        return sum(weight * leg.squared_rates(own, step) for weight, leg, own, step in each)
-
-    def radius_of(self, steps: Sequence[Step], unit: float) -> float:
-        each = zip(self._legs, self._currents, steps, strict=True)
-        return max(leg.radius_of(current, step, unit) for leg, current, step in each)
-
-
-# ---- Steps of one or more legs: programs solved until their steps break no constraint.
-#
-# Constraints that a step breaks and its program lacked join the next program.
-
-_MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
-STEP_TOLERANCE = 1e-4  # of a step's cost
-# Where solutions go on from the last one, constraints that a step this rough breaks join at once.
-_ROUGH = 0.05
-
-
-class StepSearch:
-    """The search for the steps of all legs, in one program."""
-
-    def __init__(self, legs: Sequence[Linearization], columns: Sequence[IntArray]) -> None:
-        """Take the linearization and, as in `step_program`, the columns of every leg."""
-        self._legs, self._columns = legs, columns
-        self._program: StepProgram | None = None
-
-    def solve(self) -> tuple[Step, ...] | None:
-        """Return the step of every leg, or None if the program has no solution."""
-        slack, steps = [leg.plain for leg in self._legs], None
-        self._program = program = step_program(self._blocks(slack), self._columns)
-        if program.goes_on:
-            rough = program.solve(_ROUGH)
-            if rough is not None and self._absorb(rough):
-                program.join(self._blocks(slack))
-        for _ in range(_MAX_ROUNDS):
-            better = program.solve(STEP_TOLERANCE)
-            if better is None:  # the step before may break rows; the correction mends some
-                break
-            steps = better
-            if not self._absorb(steps):
-                break
-            program.join(self._blocks(slack))
-        return steps
-
-    def solve_closely(self, tolerance: float) -> tuple[Step, ...] | None:
-        """Return the steps to a finer tolerance, after `solve`; None without a solution."""
-        assert self._program is not None
-        self._program.join(self._blocks([leg.plain for leg in self._legs]))
-        return self._program.solve(tolerance)
-
-    def solve_again(
-        self, steps: Sequence[Step], trials: Sequence[Iterate], slack: Sequence[FloatArray]
-    ) -> tuple[Step, ...] | None:
-        """Return steps corrected for the curvature of the constraints; None without a solution.
-
-        Args:
-            steps: The first step of every leg.
-            trials: The iterate after it.
-            slack: Of every leg's rows there, by their numbers.
-        """
-        program = self._program
-        if program is None:
-            return None
-        legs = list(zip(self._legs, steps, trials, slack, strict=True))
-        corrected = [leg.corrected(step, trial, own) for leg, step, trial, own in legs]
-        program.correct(self._blocks(corrected))
-        others = program.solve(STEP_TOLERANCE)
-        for _ in range(_MAX_CORRECTIONS - 1):
-            if others is None:
-                break
-            each = zip(self._legs, others, corrected, steps, strict=True)
-            if not any([leg.absorb_bent(o, own, step.elastic) for leg, o, own, step in each]):
-                break
-            program.join(self._blocks(corrected))
-            others = program.solve(STEP_TOLERANCE)
-        return others
-
-    def _absorb(self, steps: Sequence[Step]) -> bool:
-        """Add the constraints that steps break to the linearizations; True if there are some."""
-        return any([leg.absorb(step) for leg, step in zip(self._legs, steps, strict=True)])
-
-    def _blocks(self, slack: Sequence[Slack]) -> list[Block]:
-        return [leg.block(own) for leg, own in zip(self._legs, slack, strict=True)]

@@ -12,12 +12,11 @@ from tubeplanner.certificate.verification import Certificate
 from tubeplanner.limits.path_samples import LimitKey
 from tubeplanner.limits.time_scaling import minimum_duration
 from tubeplanner.optimizer.auxiliary_tubes import widened_radius
-from tubeplanner.optimizer.descent import FIRST_PENALTY, Improved, TrustRegion
+from tubeplanner.optimizer.descent import FIRST_PENALTY, Improved, SequentialProgram
 from tubeplanner.optimizer.link_constraints import LinkConstraints
 from tubeplanner.optimizer.motion_measures import objective_measures
 from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline, segments_of_pieces
 from tubeplanner.optimizer.rows import MERIT_TOLERANCE
-from tubeplanner.optimizer.sequential_program import SequentialProgram
 from tubeplanner.optimizer.spline_constraints import (
     BLENDED,
     WIDELY_BLENDED,
@@ -26,6 +25,7 @@ from tubeplanner.optimizer.spline_constraints import (
 )
 from tubeplanner.optimizer.starts import subdivided
 from tubeplanner.optimizer.step_objective import MeasuredObjective
+from tubeplanner.optimizer.step_search import TrustRegion
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import in_milliseconds

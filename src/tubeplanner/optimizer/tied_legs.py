@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from tubeplanner.optimizer.control_variables import ControlVariables
-from tubeplanner.optimizer.descent import FIRST_PENALTY, Descent, Improved, TrustRegion
+from tubeplanner.optimizer.descent import FIRST_PENALTY, Descent, Improved, SequentialProgram
 from tubeplanner.optimizer.phased_spline import PhasedSpline
 from tubeplanner.optimizer.rows import MERIT_TOLERANCE
-from tubeplanner.optimizer.sequential_program import SequentialProgram
 from tubeplanner.optimizer.spline_constraints import BLENDED, Iterate
 from tubeplanner.optimizer.starts import RefinedMotion, knot_grid, on_knots, subdivided
+from tubeplanner.optimizer.step_search import TrustRegion
 
 # So many knot intervals are joined to one, or fewer if less than the fewest would remain; the next
 # number where legs then leave their tubes. (Of 3 to 6, for two and three legs of three arms, 5 took

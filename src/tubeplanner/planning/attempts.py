@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 from tubeplanner.first_guess.branches import KnownBranches
 from tubeplanner.optimizer.starts import RefinedMotion
-from tubeplanner.outcome import Infeasible, PlanningClock, PlanStatus
-from tubeplanner.planning.diagnosis import certain_blocking_sample, refined_diagnosis
-from tubeplanner.planning.necessary_conditions import require_possible
+from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus
+from tubeplanner.planning.diagnosis import blocking_sample, refined_diagnosis, require_possible
 from tubeplanner.planning.options import (
     BRANCH_AND_BOUND,
     METHODS,
@@ -121,7 +120,7 @@ def _last_motion(state: _Planning) -> PlanResult | None:
 
 def _certain_obstruction(state: _Planning) -> None:
     start = state.branches.require_ends()[0]
-    reason = certain_blocking_sample(state.problem, start, state.clock.check)
+    reason = blocking_sample(state.problem, start, Location(), state.clock.check, is_certain=True)
     if reason is not None:
         raise reason
 

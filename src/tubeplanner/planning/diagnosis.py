@@ -1,6 +1,6 @@
-"""Diagnosis: the first blocked sample of the reference path, and the reason."""
+"""Refusals: necessary conditions before planning, the first blocked sample of the path after it."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeAlias
@@ -23,7 +23,9 @@ from tubeplanner.first_guess.pose_configurations import (
     spread_seeds,
 )
 from tubeplanner.first_guess.segment_walk import explain_rotation
+from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.joint_efforts import require_held
+from tubeplanner.limits.rates import require_approachable
 from tubeplanner.outcome import (
     MARGIN_TOLERANCE,
     Infeasible,
@@ -32,10 +34,181 @@ from tubeplanner.outcome import (
     PlanStatus,
     TimeLimitReached,
 )
-from tubeplanner.planning.necessary_conditions import largest_distances
 from tubeplanner.planning.result import PlanResult, refused_result
+from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances
+
+# ---- Necessary conditions before planning: reach, ends that motors hold, free ends.
+
+
+@dataclass(frozen=True, eq=False)
+class ReachBound:
+    """A ball that the tool cannot leave, wherever joints are within their limits.
+
+    Attributes:
+        center: The first joint's origin, shape (3,), base frame [m].
+        radius: [m]; infinite where a sliding joint has no limits.
+    """
+
+    center: FloatArray
+    radius: float
+
+    def beyond(self, points: FloatArray) -> FloatArray:
+        """Return the distances of points (N, 3) outside the ball, negative inside, (N,) [m]."""
+        outside: FloatArray = np.linalg.norm(points - self.center, axis=1) - self.radius
+        return outside
+
+
+def reach_bound(robot: RobotModel) -> ReachBound:
+    """Return a bound on the tool centre point: the sum of the lengths between joints.
+
+    The distance between the origins of successive joints does not depend on turning joints; with a
+    sliding joint, which may follow a turning one, it is largest at an end of the range, as
+    distances are convex along a line.
+    """
+    limits = robot.limits
+    tolerance = [[-MARGIN_TOLERANCE], [MARGIN_TOLERANCE]]
+    ends = np.stack([limits.lower_position, limits.upper_position]) + tolerance
+    tool = robot.link_body[robot.tool_frame]
+    chain = [body for body in range(1, robot.body_count) if robot.carries[tool, body - 1]]
+    sliding = robot.body_joints[chain][~robot.body_is_revolute[chain]]  # or what these follow
+    if not chain or not np.isfinite(ends[:, sliding]).all():
+        return ReachBound(np.zeros(3), np.inf)
+    ends = np.where(np.isfinite(ends), ends, 0.0)
+    origins = robot.body_poses(ends)[1][:, chain]
+    points = np.concatenate([origins, robot.tool_position(ends)[:, None]], axis=1)
+    lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).max(axis=0)
+    center = origins[:, 0].mean(axis=0)
+    travel = np.linalg.norm(origins[:, 0] - center, axis=1).max()
+    return ReachBound(center, float(lengths.sum() + travel))
+
+
+# Ends and margins are exact to this [m].
+_ROUNDING = 2 * MARGIN_TOLERANCE
+_MANY_REACHES = 20  # a point so many reaches too far is rather in another unit
+
+
+def require_within_bound(problem: PlanningProblem, *, start_is_known: bool = True) -> None:
+    """Raise Infeasible, proved, if a point is beyond the bound of the arm's reach.
+
+    The first point counts if the start is known.
+    """
+    points, allowed = required_points(problem)
+    allowed[0] = allowed[0] if start_is_known else np.inf
+    bound = reach_bound(problem.robot)
+    missing = bound.beyond(points) - allowed
+    k = int(missing.argmax())
+    if missing[k] <= _ROUNDING:
+        return
+    location = point_location(problem.tube, k, points[k])
+    x, y, z = (f"{value:.3f}" for value in bound.center)
+    tolerance = f" and {allowed[k]:.4g} m of tolerance" if allowed[k] else ""
+    unit = " (millimetres?)" if missing[k] > _MANY_REACHES * bound.radius else ""
+    raise Infeasible(
+        PlanStatus.UNREACHABLE,
+        f"{location}: out of reach: the arm reaches {bound.radius:.4g} m from "
+        f"[{x}, {y}, {z}] m, the sum of its links{tolerance}; the {point_name(k, len(points))} is "
+        f"{missing[k]:.3g} m too far{unit}: move it nearer",
+        location,
+        proved=True,
+    )
+
+
+def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
+    """Return points (m+1, 3) to pass, and the tool's allowed distances (m+1,) [m].
+
+    The distance is infinite for an end with a given configuration, whose tool is near enough
+    already.
+    """
+    tube = problem.tube
+    points, allowed = tube.points.copy(), np.append(0.0, largest_distances(tube))
+    if tube.visit != "ordered":  # only the goal must be visited
+        allowed[1:-1] = np.inf
+    for row, end in zip((0, -1), problem.endpoints, strict=True):
+        if end.kind in ("seed", "open"):
+            allowed[row] = problem.end_radii[row]
+        elif end.position is not None:
+            points[row] = end.position
+            allowed[row] = 0.0 if end.region is None else end.region.tolerance
+        elif end.joints is not None:
+            allowed[row] = np.inf
+    return points, allowed
+
+
+def point_location(tube: Tube, k: int, point: FloatArray) -> Location:
+    """Return the location of reference point k, or of a point (3,) [m] in its stead."""
+    number = tube.segment_number(max(k - 1, 0), point)
+    return Location(segment=number, point=int(tube.numbers[k])).at(point)
+
+
+def point_name(k: int, count: int) -> str:
+    """Return the name of the k-th of a number of reference points."""
+    return "goal" if k == count - 1 else "start" if k == 0 else "reference point"
+
+
+def largest_distances(tube: Tube) -> FloatArray:
+    """Return the tool's largest distances when it passes points, without the first, (m,) [m].
+
+    The tool passes from segment to segment where their regions overlap. Within r of two lines at
+    an angle phi, it is at most r / sin(phi / 2) from their corner. At the goal the distance is 0.
+    """
+    radius = np.where(tube.is_box, np.sqrt(3), 1.0) * tube.reach  # the corners of a box are farther
+    axis = np.diff(tube.points, axis=0)
+    along = axis / np.linalg.norm(axis, axis=1)[:, None]
+    cosine = -np.einsum("mi,mi->m", along[:-1], along[1:])
+    sine = np.sqrt(np.clip((1 - cosine) / 2, 0, None))
+    with np.errstate(divide="ignore"):
+        corner: FloatArray = np.maximum(radius[:-1], radius[1:]) / sine
+    return np.append(corner, 0.0)
+
+
+# A point counts as out of reach if the tool's distance exceeds the allowed one by more [m].
+_MAX_SEARCH_ERROR = 1e-4
+_OTHER_SEEDS = 4  # of inverse kinematics, besides the start
+_SEED_RANGE = np.pi  # [rad or m]
+
+
+def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
+    """Raise Infeasible if a necessary condition of every trajectory is broken.
+
+    Start and a given goal must be free, the motors must hold them, the joints may move to that
+    goal, and the arm must reach the farthest point at which the tool passes from segment to segment
+    or ends.
+    """
+    ends = branches.require_ends()
+    are_given = [end.joints is not None for end in problem.endpoints]
+    differ = all(are_given) and bool(abs(ends[1] - ends[0]).max() > _ROUNDING)
+    for q, is_given in zip(ends, are_given, strict=False):
+        require_held(problem, q, is_given=is_given, must_leave=differ)
+    if len(ends) > 1:
+        require_approachable(problem, *ends)
+    # The farthest point, the joints without limits.
+    robot, (points, allowed) = problem.robot, required_points(problem)
+    base = robot.body_poses(ends[0][None])[1][0, 1]
+    k = 1 + int((np.linalg.norm(points[1:] - base, axis=1) - allowed[1:]).argmax())
+    if np.isinf(allowed[k]):
+        return
+    point, free = points[k], np.full(robot.joint_count, np.inf)
+    draw = np.random.default_rng(0).uniform
+    seeds = [ends[0], *draw(-_SEED_RANGE, _SEED_RANGE, (_OTHER_SEEDS, robot.joint_count))]
+    nearest = np.inf
+    for seed in seeds:
+        nearest = min(nearest, solve_position(robot, point, seed, -free, free).error)
+        if nearest <= allowed[k] + _MAX_SEARCH_ERROR:
+            return
+    location = point_location(problem.tube, k, point)
+    may = f" ({allowed[k]:.4g} m is allowed)" if allowed[k] else ""
+    name = point_name(k, len(points))
+    message = (
+        f"{location}: the tool stops {nearest:.4g} m short even without joint limits{may}; move "
+        f"the {name} at least {nearest - allowed[k]:.3g} m nearer"
+    )
+    goal = problem.open_goal
+    if name == "goal" and goal is not None and nearest < problem.tube.effective_radius[-1]:
+        message += f", or give goal: {{position: {point.tolist()}, tolerance: {1.1 * nearest:.2g}}}"
+    raise Infeasible(PlanStatus.UNREACHABLE, message, location, starts=len(seeds))
+
 
 # ---- Samples of the reference path at which the arm must have a configuration.
 
@@ -73,12 +246,8 @@ def path_samples(
     """Return the samples at which the arm must have a configuration.
 
     Inner reference points, the goal if it is open, then samples between; of a long path only
-    samples near the end of a branch, and in the last segment.
-
-    Args:
-        problem: The planning problem.
-        end: End of the branch, if known.
-        is_wide: True: the tool may pass a sample anywhere in the tube; False: only near it.
+    samples near the end of a branch, if known, and in the last segment. `is_wide`: the tool may
+    pass a sample anywhere in the tube, not only near it.
     """
     tube = problem.tube
     last = tube.segment_count - 1
@@ -141,6 +310,8 @@ def blocking_sample(
     start: FloatArray,
     end: Location,
     checkpoint: Callable[[], None] = lambda: None,
+    *,
+    is_certain: bool = False,
 ) -> Infeasible | None:
     """Return the reason why the arm cannot follow the reference path, or None.
 
@@ -153,31 +324,12 @@ def blocking_sample(
         start: The start configuration, shape (n,).
         end: End of a branch; the tool's position there is one of the samples.
         checkpoint: Called before every sample; it may raise to end the work.
+        is_certain: True: for any orientation and anywhere in the tube, quicker and less doubtful.
     """
-    checks = [*_POSITION_CHECKS, _not_free]
-    if problem.rotation is not None:
-        checks += _TURNED_CHECKS
-    return _first_reason(problem, start, path_samples(problem, end), checks, checkpoint)
-
-
-def certain_blocking_sample(
-    problem: PlanningProblem, start: FloatArray, checkpoint: Callable[[], None] = lambda: None
-) -> Infeasible | None:
-    """Return the reason of `blocking_sample`, for any orientation and anywhere in the tube.
-
-    It is quicker than that, and less doubtful.
-    """
-    samples = path_samples(problem, Location(), is_wide=True)
-    return _first_reason(problem, start, samples, [*_POSITION_CHECKS, _not_free], checkpoint)
-
-
-def _first_reason(
-    problem: PlanningProblem,
-    start: FloatArray,
-    samples: list[BlockingSample],
-    checks: Sequence[_Check],
-    checkpoint: Callable[[], None],
-) -> Infeasible | None:
+    checks = _POSITION_CHECKS
+    if problem.rotation is not None and not is_certain:
+        checks += _ROTATION_CHECKS
+    samples = path_samples(problem, end, is_certain)
     configurations = [_Configurations(problem, sample, start) for sample in samples]
     for check in checks:
         for at in configurations:
@@ -190,32 +342,23 @@ def _first_reason(
 
 @dataclass(frozen=True, eq=False)
 class _Configurations:
-    """The arm's configurations at a sample.
-
-    Attributes:
-        problem: The planning problem.
-        sample: The sample.
-        start: The start configuration, shape (n,).
-    """
+    """The arm's configurations at a sample; `start` (n,) is the start configuration."""
 
     problem: PlanningProblem
     sample: BlockingSample
     start: FloatArray
 
     @property
-    def starts(self) -> int:
-        """Number of starts of the search within bounds."""
+    def starts(self) -> int:  # of the search within bounds
         return 2 * len(self._seeds())
 
     @property
     def free(self) -> _Bounds:
-        """Infinite bounds."""
         infinite = np.full(self.problem.robot.joint_count, np.inf)
         return -infinite, infinite
 
     @property
     def bounds(self) -> _Bounds:
-        """Bounds of position limits and joint signs."""
         segments = list(self.sample.segments)
         lower, upper = self.problem.joint_lower[segments], self.problem.joint_upper[segments]
         return lower.max(axis=0), upper.min(axis=0)
@@ -223,7 +366,6 @@ class _Configurations:
     def first(
         self, bounds: _Bounds, accepts: _Accepts | None = None, *, oriented: bool
     ) -> FloatArray | None:
-        """Return an accepted configuration (n,) with the tool here, within bounds."""
         for solution in self.solutions(bounds, oriented=oriented):
             if self.is_there(solution, oriented=oriented) and (
                 accepts is None or accepts(solution.q)
@@ -263,11 +405,9 @@ class _Configurations:
         return np.array(q).reshape(-1, self.problem.robot.joint_count)
 
     def nearest(self, bounds: _Bounds) -> float:
-        """Return the tool's least distance, with any orientation [m]."""
         return min(each.error for each in self.solutions(bounds, oriented=False))
 
     def is_there(self, solution: PositionSolution, *, oriented: bool) -> bool:
-        """Return True if a solution has the tool here and, if `oriented`, keeps the rotation."""
         if solution.error > self.sample.allowed + _REACHED:
             return False
         return not oriented or solution.rotation_error <= MARGIN_TOLERANCE
@@ -275,16 +415,9 @@ class _Configurations:
     def _unwound(self, q: FloatArray) -> FloatArray:
         """Return a configuration (n,) moved by whole turns nearest to the middle of bounds."""
         turns = np.round((q - middle_of(*self.bounds)) / (2 * np.pi))
-        unwound: FloatArray = q - 2 * np.pi * np.where(self.problem.robot.revolute, turns, 0.0)
-        return unwound
-
-    def tightest(self, row: int) -> float:
-        """Return the least bound of a row of the rotation tolerance [rad]."""
-        tube = self.problem.rotation
-        return np.inf if tube is None else float(tube.bounds[row].min())
+        return np.asarray(q - 2 * np.pi * np.where(self.problem.robot.revolute, turns, 0.0))
 
     def is_held(self, q: FloatArray) -> bool:
-        """Return True if motors hold a configuration (n,)."""
         try:
             require_held(self.problem, q)
         except Infeasible:
@@ -301,11 +434,9 @@ class _Configurations:
         required = RequiredDistances(self.problem, self.start, q if self.sample.is_goal else None)
         tool = self.problem.robot.tool_position(q[None])
         rows = [required.at(np.array([segment]), tool)[0] for segment in self.sample.segments]
-        least: FloatArray = np.min(rows, axis=0)
-        return least
+        return np.asarray(np.min(rows, axis=0))
 
     def unreachable(self, reason: str, joint: str | None = None) -> Infeasible:
-        """Return the refusal that the tool cannot be here, for a reason, perhaps of a joint."""
         message = f"{self.sample.location}: {reason}"
         location = replace(self.sample.location, joint=joint)
         return Infeasible(PlanStatus.UNREACHABLE, message, location, starts=self.starts)
@@ -351,7 +482,9 @@ def _rotated_away(at: _Configurations) -> Infeasible | None:
     solutions = list(at.solutions(at.free, oriented=True))
     near = [each for each in solutions if at.is_there(each, oriented=False)] or solutions
     outside = min(each.rotation_error for each in near)
-    row = min(at.sample.rotation_rows, key=at.tightest)
+    tube = at.problem.rotation
+    assert tube is not None
+    row = min(at.sample.rotation_rows, key=lambda row: float(tube.bounds[row].min()))
     off = f"there the tool is turned {outside:.3g} rad too far"
     return at.unreachable(explain_rotation(at.problem, row, off))
 
@@ -368,8 +501,8 @@ def _rotated_out_of_bounds(at: _Configurations) -> Infeasible | None:
     )
 
 
-_POSITION_CHECKS: tuple[_Check, ...] = (_out_of_reach, _out_of_bounds, _not_held)
-_TURNED_CHECKS: tuple[_Check, ...] = (
+_POSITION_CHECKS: tuple[_Check, ...] = (_out_of_reach, _out_of_bounds, _not_held, _not_free)
+_ROTATION_CHECKS: tuple[_Check, ...] = (
     *(_rotated_away, _rotated_out_of_bounds),
     *(partial(_not_held, oriented=True), partial(_not_free, oriented=True)),
 )

@@ -34,7 +34,7 @@ from tubeplanner.outcome import (
     until_stopped,
 )
 from tubeplanner.planning.attempts import attempted_plan
-from tubeplanner.planning.necessary_conditions import require_within_bound
+from tubeplanner.planning.diagnosis import require_within_bound
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.refined_plan import continued_plan
 from tubeplanner.planning.result import (

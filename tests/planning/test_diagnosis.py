@@ -18,7 +18,7 @@ from tubeplanner import (
 )
 from tubeplanner.first_guess.branches import KnownBranches
 from tubeplanner.outcome import Infeasible, PlanningClock
-from tubeplanner.planning.necessary_conditions import (
+from tubeplanner.planning.diagnosis import (
     reach_bound,
     require_possible,
     require_within_bound,
