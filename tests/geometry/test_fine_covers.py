@@ -8,8 +8,8 @@ import trimesh
 from arms import OPENED, opened
 from cases import outside
 
-from tubeplanner.geometry.distances import MeshSolid
 from tubeplanner.geometry.fine_covers import OUTER_ERROR, cover_error, fine_cover
+from tubeplanner.geometry.mesh_solids import MeshSolid
 from tubeplanner.geometry.meshes import MeshFile
 
 CASES = Path(__file__).parents[1] / "data/cases"

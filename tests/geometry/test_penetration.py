@@ -7,8 +7,7 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from tubeplanner.geometry.convex_shapes import box, capsule, convex_hull, sphere
-from tubeplanner.geometry.distances import PlacedShapes
-from tubeplanner.geometry.penetration import separating_directions
+from tubeplanner.geometry.distances import PlacedShapes, separating_directions
 
 
 def shortest(first, second):

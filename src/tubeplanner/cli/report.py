@@ -12,8 +12,7 @@ from rich.table import Table
 from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition, Tolerance
 from tubeplanner.certificate.verification import CONDITION_NAMES, Certificate, CycleCertificate
 from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED
-from tubeplanner.geometry.collision_checker import ALWAYS_TOUCHING
-from tubeplanner.geometry.link_pairs import TOUCH_SAMPLES
+from tubeplanner.geometry.collision_checker import ALWAYS_TOUCHING, TOUCH_SAMPLES
 from tubeplanner.limits.peaks import TrajectoryPeaks, trajectory_peaks
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import unlimited_notes

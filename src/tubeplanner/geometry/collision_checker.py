@@ -4,20 +4,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from tubeplanner.arrays import BoolArray, IntArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.geometry.body_shapes import BodyShape, BodyShapes
 from tubeplanner.geometry.convex_shapes import ConvexShape, extent_of
-from tubeplanner.geometry.fine_covers import Cover
-from tubeplanner.geometry.link_geometry import LinkPart, link_contents, link_parts
-from tubeplanner.geometry.link_pairs import judged_pairs
+from tubeplanner.geometry.cover_cache import Arrays, cached, content_hash, packed, unpacked
+from tubeplanner.geometry.fine_covers import Cover, surface_samples
+from tubeplanner.geometry.link_geometry import LinkPart, link_parts
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, open_meshes
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import Extent
+
+Pair: TypeAlias = tuple[str, str]  # names of two links or solids
+LinkParts: TypeAlias = Mapping[str, Sequence[LinkPart]]
+LinkCovers: TypeAlias = Mapping[str, Sequence[ConvexShape]]
 
 _BASE = 0
 # Reasons to leave pairs out.
@@ -34,7 +38,7 @@ class LeftOutPair:
             configurations) or "ignored" (by the problem, the SRDF or an attached solid).
     """
 
-    links: tuple[str, str]
+    links: Pair
     reason: str
 
 
@@ -68,7 +72,7 @@ class CollisionChecker(BodyShapes):
         *,
         attached: Sequence[AttachedSolid] = (),
         self_collision: bool = True,
-        ignore: Sequence[tuple[str, str]] = (),
+        ignore: Sequence[Pair] = (),
     ) -> None:
         """Build the geometry.
 
@@ -90,7 +94,9 @@ class CollisionChecker(BodyShapes):
             link: [shape for part in own for shape in part.cover()] for link, own in parts.items()
         }
         self.has_link_geometry = bool(covers)
-        self.link_contents = link_contents(robot)
+        self.link_contents = {
+            link: tuple(part.source() for part in own) for link, own in parts.items()
+        }
         self.open_meshes = open_meshes(self.link_contents, [*obstacles, *attached])
         touching = [(solid.name, link) for solid in attached for link in solid.touch_links]
         _require_names(robot, obstacles, attached, [*ignore, *touching])
@@ -115,7 +121,7 @@ class CollisionChecker(BodyShapes):
         self.obstacle_pairs = self._select((i, j) for i in moving for j in fixed)
         self.link_pairs = _as_pairs([])
         self.closer_covers: Mapping[str, Cover] = {}
-        always_touching: Sequence[tuple[str, str]] = ()
+        always_touching: Sequence[Pair] = ()
         if self_collision:
             candidates = self._select(combinations(moving, 2))
             always_touching = self._judge_links(alone, parts, covers, candidates)
@@ -168,19 +174,15 @@ class CollisionChecker(BodyShapes):
         return _as_pairs(result)
 
     def _judge_links(
-        self,
-        alone: RobotModel,
-        parts: Mapping[str, Sequence[LinkPart]],
-        covers: Mapping[str, Sequence[ConvexShape]],
-        candidates: IntArray,
-    ) -> Sequence[tuple[str, str]]:
+        self, alone: RobotModel, parts: LinkParts, covers: LinkCovers, candidates: IntArray
+    ) -> Sequence[Pair]:
         """Set the pairs of links that are checked, and return the pairs that always touch.
 
         Attached solids stay checked: only their touch_links may touch them.
         """
         owners = [(self.shapes[i].owner, self.shapes[j].owner) for i, j in candidates]
         pairs = [pair for pair in dict.fromkeys(owners) if not {*pair} & self._attached_names]
-        judged = judged_pairs(alone, parts, covers, pairs)
+        judged = _judged_pairs(alone, parts, covers, pairs)
         without = {*judged.always_touching, *judged.refined}
         fine = _link_shapes(self.robot, {link: cover.shapes for link, cover in judged.fine.items()})
         self.closer_covers = judged.fine
@@ -196,7 +198,7 @@ class CollisionChecker(BodyShapes):
         return judged.always_touching
 
     def _left_out(
-        self, always_touching: Sequence[tuple[str, str]], self_collision: bool
+        self, always_touching: Sequence[Pair], self_collision: bool
     ) -> tuple[LeftOutPair, ...]:
         body = {shape.owner: shape.body for shape in self.shapes}
         result = []
@@ -216,7 +218,7 @@ class CollisionChecker(BodyShapes):
         return tuple(result)
 
 
-def _link_shapes(robot: RobotModel, covers: Mapping[str, Sequence[ConvexShape]]) -> list[BodyShape]:
+def _link_shapes(robot: RobotModel, covers: LinkCovers) -> list[BodyShape]:
     """Return covers of links, given in the frame of the root link, as shapes of their bodies."""
     result = []
     for link, shapes in covers.items():
@@ -235,7 +237,7 @@ def _require_names(
     robot: RobotModel,
     obstacles: Sequence[Obstacle],
     attached: Sequence[AttachedSolid],
-    ignore: Sequence[tuple[str, str]],
+    ignore: Sequence[Pair],
 ) -> None:
     names = [*(obstacle.name for obstacle in obstacles), *(solid.name for solid in attached)]
     for name in names:
@@ -260,7 +262,7 @@ class CollisionScene:
     obstacles: tuple[Obstacle, ...]
     attached: tuple[AttachedSolid, ...]
     self_collision: bool
-    ignore: tuple[tuple[str, str], ...]
+    ignore: tuple[Pair, ...]
 
     @cached_property
     def checker(self) -> CollisionChecker:
@@ -329,3 +331,216 @@ def link_covers(checker: CollisionChecker) -> list[LinkCover]:
             )
         )
     return result
+
+
+# ---- Link pairs that always touch; link pairs that need closer covers.
+#
+# Random configurations within the limits decide. Overlapping covers prove nothing about the links:
+# where covers overlap, the solids themselves are tested. Pairs are left out if the solids touch for
+# certain, in doubt they are checked: open meshes have no inside there.
+
+# Link pairs that touch in all of this many random configurations are assumed to touch always.
+TOUCH_SAMPLES = 400
+_TOUCH_SEED = 0
+# Arms with equal poses of their bodies in this many configurations have equal poses in all.
+_TELLING = 8
+# Covers of a pair are refined if they overlap although the links are apart in more than this
+# fraction of the first _FALSE_SAMPLES configurations: below it hardly a motion is lost, and each
+# further shape costs time in every plan.
+_FALSE_FRACTION = 0.05
+_FALSE_SAMPLES = 200
+# Points of each link of a pair, and configurations, that show where covers must be close.
+_PROBES, _PROBED = 200, 40
+_PROBE_SEED = 0
+
+
+class _LinkPairs(NamedTuple):
+    """The judgement of pairs of links.
+
+    Attributes:
+        always_touching: Pairs whose links themselves touch in all sampled configurations.
+        refined: Pairs that are judged by `fine` instead of the links' usual covers.
+        fine: By link name, close covers of links where the other links of their refined pairs come
+            near, in the frame of the body.
+    """
+
+    always_touching: tuple[Pair, ...]
+    refined: tuple[Pair, ...]
+    fine: Mapping[str, Cover]
+
+
+def _judged_pairs(
+    robot: RobotModel, parts: LinkParts, covers: LinkCovers, pairs: Sequence[Pair]
+) -> _LinkPairs:
+    """Return the pairs of links that always touch, and closer covers where they are needed.
+
+    Args:
+        robot: The arm.
+        parts: Collision elements of its links.
+        covers: Their usual covers, in the frames of their bodies.
+        pairs: Of links that joints move against each other.
+    """
+    if not pairs:
+        return _LinkPairs((), (), {})
+
+    def computed() -> Arrays:
+        return _as_arrays(_LinkJudge(robot, parts, covers).judged(pairs))
+
+    return _of_arrays(cached("pairs", _key(robot, parts, pairs), computed))
+
+
+class _LinkJudge:
+    """Links in random configurations, by their elements and their usual covers."""
+
+    def __init__(self, robot: RobotModel, parts: LinkParts, covers: LinkCovers) -> None:
+        self._robot, self._parts = robot, parts
+        shapes: list[BodyShape] = []
+        self._indices: dict[str, range] = {}
+        for link, cover in covers.items():
+            self._indices[link] = range(len(shapes), len(shapes) + len(cover))
+            shapes += [BodyShape(link, robot.link_body[link], shape) for shape in cover]
+        self._covers = BodyShapes(robot, shapes)
+        self._rotation, self._position = robot.body_poses(_random_configurations(robot))
+        self._surfaces: dict[str, FloatArray] = {}
+
+    def judged(self, pairs: Sequence[Pair]) -> _LinkPairs:
+        """Judge pairs of links."""
+        touching = tuple(pair for pair in pairs if self._always_touch(pair))
+        refined: list[Pair] = []
+        probes: dict[str, list[FloatArray]] = {}
+        for pair in pairs:
+            if pair in touching:
+                continue
+            apart = self._falsely_overlapping(pair)
+            if len(apart) > _FALSE_FRACTION * _FALSE_SAMPLES:
+                refined.append(pair)
+                for link, other in (pair, pair[::-1]):
+                    points = self._surface_points(other)
+                    for k in apart:
+                        (rotation, position), (frame, origin) = (
+                            self._pose(each, k) for each in (other, link)
+                        )
+                        in_frame = (points @ rotation.T + position - origin) @ frame
+                        probes.setdefault(link, []).append(in_frame)
+        fine = {link: self._fine_cover(link, np.vstack(parts)) for link, parts in probes.items()}
+        return _LinkPairs(touching, tuple(refined), fine)
+
+    def _always_touch(self, pair: Pair) -> bool:
+        """Return True if a pair's solids touch in all configurations."""
+        spheres = self._covers.gaps_of_spheres(self._centers[:1], self._pairs_of(pair))
+        if (spheres > 0).all():
+            return False
+        return all(self._touch(pair, k) for k in range(TOUCH_SAMPLES))
+
+    def _falsely_overlapping(self, pair: Pair) -> IntArray:
+        """Return the first configurations with overlap of covers alone, at most `_PROBED`."""
+        indices = self._pairs_of(pair)
+        spheres = self._covers.gaps_of_spheres(self._centers[:_FALSE_SAMPLES], indices)
+        near = np.flatnonzero((spheres <= 0).any(axis=1)).tolist()
+        result: list[int] = []
+        if len(near) <= _FALSE_FRACTION * _FALSE_SAMPLES:  # too few to matter
+            near = []
+        for k in near:
+            # The shapes that most likely overlap come first.
+            gaps = self._covers.gaps_of_spheres(self._centers[k, None], indices)[0]
+            likely = indices[np.argsort(gaps)[: int((gaps <= 0).sum())]]
+            overlap = self._covers.any_overlap(self._rotation[k], self._position[k], likely)
+            if overlap and not self._touch(pair, k, filled=True):
+                result.append(k)
+            if len(result) == _PROBED:
+                break
+        return np.array(result, dtype=np.int64)
+
+    def _touch(self, pair: Pair, sample: int, *, filled: bool = False) -> bool:
+        """Return True if solids touch for certain, or `filled`: as covers have them at best."""
+        solids = [
+            [part.solid.filled if filled else part.solid for part in self._parts[link]]
+            for link in pair
+        ]
+        poses = [self._pose(link, sample) for link in pair]
+        return any(one.touches(other, *poses) for one in solids[0] for other in solids[1])
+
+    def _surface_points(self, link: str) -> FloatArray:
+        """Return points on the surface of a link, in the frame of the body, shape (N, 3) [m]."""
+        if link not in self._surfaces:
+            rng = np.random.default_rng(_PROBE_SEED)
+            solids = [part.solid for part in self._parts[link]]
+            surfaces = [solid.triangles for solid in solids if len(solid.faces)]
+            corners = np.vstack([solid.vertices for solid in solids])
+            points = [corners[:: max(1, len(corners) // _PROBES)]]
+            if surfaces:
+                points.append(surface_samples(np.concatenate(surfaces), _PROBES, rng))
+            self._surfaces[link] = np.vstack(points)
+        return self._surfaces[link]
+
+    def _fine_cover(self, link: str, probes: FloatArray) -> Cover:
+        shapes, errors = [], []
+        for part in self._parts[link]:
+            if part.mesh is None:
+                shapes += part.cover()
+                errors.append(part.outer_error())
+                continue
+            rotation, position = part.placement[:3, :3], part.placement[:3, 3]
+            cover = part.mesh.fine_cover((probes - position) @ rotation)
+            shapes += [shape.transformed(part.placement) for shape in cover.shapes]
+            errors.append(cover.outer_error)
+        return Cover(tuple(shapes), max(errors))
+
+    @cached_property
+    def _centers(self) -> FloatArray:
+        """Centres of the covers' bounding spheres, shape (configurations, shapes, 3) [m]."""
+        return self._covers.sphere_centers(self._rotation, self._position)
+
+    def _pose(self, link: str, sample: int) -> tuple[FloatArray, FloatArray]:
+        body = self._robot.link_body[link]
+        return self._rotation[sample, body], self._position[sample, body]
+
+    def _pairs_of(self, pair: Pair) -> IntArray:
+        first, second = (self._indices[link] for link in pair)
+        return np.array([(i, j) for i in first for j in second], dtype=np.int64)
+
+
+def _key(robot: RobotModel, parts: LinkParts, pairs: Sequence[Pair]) -> str | None:
+    """Return a hash of everything that the judgement depends on; None if a mesh has no hash."""
+    if any(part.mesh and part.mesh.key is None for own in parts.values() for part in own):
+        return None
+    configurations = _random_configurations(robot)
+    contents: list[str | FloatArray] = [configurations]
+    contents += robot.body_poses(configurations[:_TELLING])
+    for link, own in parts.items():
+        contents += [link, str(robot.link_body[link])]
+        contents += [content for part in own for content in part.contents()]
+    return content_hash([*contents, *(name for pair in pairs for name in pair)])
+
+
+def _random_configurations(robot: RobotModel) -> FloatArray:
+    limits = robot.limits
+    lower, upper = limits.lower_position, limits.upper_position
+    low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))  # one turn, if the range has it
+    high = np.minimum(upper, low + 2 * np.pi)
+    rng = np.random.default_rng(_TOUCH_SEED)
+    return rng.uniform(low, high, (TOUCH_SAMPLES, len(low)))
+
+
+def _as_arrays(judged: _LinkPairs) -> Arrays:
+    links = [link for link, cover in judged.fine.items() for _ in cover.shapes]
+    arrays = packed([shape for cover in judged.fine.values() for shape in cover.shapes])
+    arrays["errors"] = np.array([cover.outer_error for cover in judged.fine.values()])
+    for name, pairs in (("touching", judged.always_touching), ("refined", judged.refined)):
+        arrays[name] = np.array(pairs, dtype=np.str_).reshape(-1, 2)
+    return arrays | {"links": np.array(links, dtype=np.str_)}
+
+
+def _of_arrays(arrays: Arrays) -> _LinkPairs:
+    shapes: dict[str, list[ConvexShape]] = {}
+    for link, shape in zip(arrays["links"].tolist(), unpacked(arrays), strict=True):
+        shapes.setdefault(link, []).append(shape)
+    fine = {
+        link: Cover(tuple(own), error)
+        for (link, own), error in zip(shapes.items(), arrays["errors"].tolist(), strict=True)
+    }
+    touching, refined = (
+        tuple((first, second) for first, second in arrays[name].tolist())
+        for name in ("touching", "refined")
+    )
+    return _LinkPairs(touching, refined, fine)

@@ -145,6 +145,15 @@ def inscribed_cylinder(radius: float, length: float) -> ConvexShape:
     return _prism(radius, length, _INSCRIBED_SIDES)
 
 
+def simple_shape(kind: str, sizes: Sequence[float]) -> ConvexShape:
+    """Return a centred "box", "sphere", "cylinder" or "capsule" of sizes [m], as above."""
+    if kind == "box":
+        return box(sizes)
+    if kind == "sphere":
+        return sphere(*sizes)
+    return cylinder(*sizes) if kind == "cylinder" else capsule(*sizes)
+
+
 def _prism(radius: float, length: float, sides: int) -> ConvexShape:
     angles = np.arange(sides) * 2 * np.pi / sides
     ring = radius * np.array([np.cos(angles), np.sin(angles)]).T

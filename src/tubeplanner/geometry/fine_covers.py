@@ -16,7 +16,7 @@ from tubeplanner.geometry.convex_shapes import (
     hull_unless_flat,
     spread_directions,
 )
-from tubeplanner.geometry.distances import MeshSolid
+from tubeplanner.geometry.mesh_solids import MeshSolid
 
 # ---- Cover errors: distances from covers to the solids that they cover.
 

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -12,13 +11,11 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.geometry.convex_shapes import (
     ConvexShape,
     box,
-    capsule,
-    cylinder,
     extent_of,
     inscribed_cylinder,
-    sphere,
+    simple_shape,
 )
-from tubeplanner.geometry.distances import MeshSolid
+from tubeplanner.geometry.mesh_solids import MeshSolid
 from tubeplanner.geometry.meshes import MeshFile
 from tubeplanner.geometry.solids import SolidContents, mesh_contents, simple_contents
 from tubeplanner.resources import find_mesh
@@ -78,56 +75,68 @@ class LinkPart:
     """A collision element of a link with its shapes.
 
     Attributes:
+        element: In the frame of the link.
         placement: Of the element in the frame of the link's body, shape (4, 4).
-        mesh: The mesh, or None.
-        shape: Cover of an element that is no mesh, in its own frame.
-        core: Solid inside the element, likewise: the same but for cylinders.
+        mesh: The mesh; None for other kinds.
     """
 
+    element: LinkElement
     placement: FloatArray
-    mesh: MeshFile | None = None
-    shape: ConvexShape | None = None
-    core: ConvexShape | None = None
+    mesh: MeshFile | None
+
+    @cached_property
+    def _shape(self) -> ConvexShape:
+        """Cover of an element that is no mesh, in its own frame."""
+        return simple_shape(self.element.kind, self.element.sizes)
+
+    @cached_property
+    def _core(self) -> ConvexShape:
+        """Solid inside an element that is no mesh: its shape but for cylinders."""
+        is_round = self.element.kind == "cylinder"
+        return inscribed_cylinder(*self.element.sizes) if is_round else self._shape
 
     def cover(self) -> list[ConvexShape]:
         """Return shapes that cover the element, in the body's frame."""
-        shapes = [self.shape] if self.mesh is None else self.mesh.cover()
-        return [shape.transformed(self.placement) for shape in shapes if shape is not None]
+        shapes = [self._shape] if self.mesh is None else self.mesh.cover()
+        return [shape.transformed(self.placement) for shape in shapes]
 
     @cached_property
     def solid(self) -> MeshSolid:
         """The element without a cover, in the body's frame."""
-        if self.mesh is not None:
-            return self.mesh.solid.moved(self.placement)
-        assert self.core is not None
-        return MeshSolid.of_shape(self.core).moved(self.placement)
+        solid = MeshSolid.of_shape(self._core) if self.mesh is None else self.mesh.solid
+        return solid.moved(self.placement)
 
     def extent(self) -> FloatArray:
         """Return the least and the largest coordinates, shape (2, 3) [m], in the body's frame."""
-        shape = self.shape
-        if self.mesh is not None:
-            low, high = self.mesh.extent()
-            shape = ConvexShape((low + high) / 2 + box(high - low).vertices)
-        assert shape is not None
-        return extent_of([shape.transformed(self.placement)])
+        if self.mesh is None:
+            return extent_of([self._shape.transformed(self.placement)])
+        low, high = self.mesh.extent()
+        around = ConvexShape((low + high) / 2 + box(high - low).vertices)
+        return extent_of([around.transformed(self.placement)])
 
     def outer_error(self) -> float:
         """Return the largest distance found from the cover's surface to the element [m]."""
         if self.mesh is not None:
             return self.mesh.outer_error()
-        assert self.shape is not None and self.core is not None
-        if self.core is self.shape:
+        if self._core is self._shape:
             return 0.0
-        return float(MeshSolid.of_shape(self.core).distance(self.shape.vertices).max())
+        return float(MeshSolid.of_shape(self._core).distance(self._shape.vertices).max())
+
+    def source(self) -> SolidContents:
+        """Return the source of the element, placed in the frame of the link."""
+        element = self.element
+        if self.mesh is not None:
+            return mesh_contents(self.mesh, element.sizes, element.placement)
+        return simple_contents(element.kind, element.sizes, element.placement)
 
     def contents(self) -> Iterator[str | FloatArray]:
         """Yield the content of the element, for hashes."""
         yield self.placement
         if self.mesh is not None:
             yield self.mesh.key or ""
-        for shape in (self.shape, self.core):
-            if shape is not None:
-                yield from (shape.vertices, np.array([shape.radius]))
+            return
+        for shape in (self._shape, self._core):
+            yield from (shape.vertices, np.array([shape.radius]))
 
 
 def link_parts(robot: RobotModel) -> dict[str, list[LinkPart]]:
@@ -138,18 +147,13 @@ def link_parts(robot: RobotModel) -> dict[str, list[LinkPart]]:
     """
     result: dict[str, list[LinkPart]] = {}
     for link, elements in link_elements(robot).items():
-        result[link] = []
         for element in elements:
-            placement = robot.link_placement[link] @ element.placement
+            mesh = None
             if element.kind == MESH:
-                mesh = MeshFile(f"link '{link}'", _mesh_path(robot, element), element.sizes)
-                part = LinkPart(placement, mesh)
-            else:
-                simple = core = simple_shape(element)
-                if element.kind == "cylinder":
-                    core = inscribed_cylinder(*element.sizes)
-                part = LinkPart(placement, shape=simple, core=core)
-            result[link].append(part)
+                path = find_mesh(element.filename, robot.urdf.path, robot.package_dirs)
+                mesh = MeshFile(f"link '{link}'", path, element.sizes)
+            part = LinkPart(element, robot.link_placement[link] @ element.placement, mesh)
+            result.setdefault(link, []).append(part)
     return result
 
 
@@ -188,31 +192,5 @@ def link_contents(robot: RobotModel) -> dict[str, tuple[SolidContents, ...]]:
     Raises:
         RobotError: As `link_shapes`.
     """
-    result = {}
-    for link, elements in link_elements(robot).items():
-        contents = []
-        for each in elements:
-            if each.kind == MESH:
-                mesh = MeshFile(f"link '{link}'", _mesh_path(robot, each), each.sizes)
-                contents.append(mesh_contents(mesh, each.sizes, each.placement))
-            else:
-                contents.append(simple_contents(each.kind, each.sizes, each.placement))
-        result[link] = tuple(contents)
-    return result
-
-
-def simple_shape(element: LinkElement) -> ConvexShape | None:
-    """Return the shape of an element in its own frame; None for a mesh."""
-    if element.kind == "box":
-        return box(element.sizes)
-    if element.kind == "sphere":
-        return sphere(*element.sizes)
-    if element.kind == "cylinder":
-        return cylinder(*element.sizes)
-    if element.kind == "capsule":
-        return capsule(*element.sizes)
-    return None
-
-
-def _mesh_path(robot: RobotModel, element: LinkElement) -> Path:
-    return find_mesh(element.filename, robot.urdf.path, robot.package_dirs)
+    parts = link_parts(robot)
+    return {link: tuple(part.source() for part in own) for link, own in parts.items()}

@@ -18,8 +18,8 @@ from tubeplanner.documents import DocumentError, read_bytes, require_regular
 from tubeplanner.errors import RobotError, shown
 from tubeplanner.geometry.convex_shapes import ConvexShape, convex_hull, hull
 from tubeplanner.geometry.cover_cache import cached, content_hash, packed, unpacked
-from tubeplanner.geometry.distances import MeshSolid
 from tubeplanner.geometry.fine_covers import OUTER_ERROR, Cover, cover_error, fine_cover
+from tubeplanner.geometry.mesh_solids import MeshSolid
 
 if TYPE_CHECKING:
     import trimesh

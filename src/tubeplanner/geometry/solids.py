@@ -10,8 +10,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.checks import are_numbers, in_figures, is_number
 from tubeplanner.errors import ProblemError, shown
-from tubeplanner.geometry import convex_shapes as convex_shape
-from tubeplanner.geometry.convex_shapes import ConvexShape
+from tubeplanner.geometry.convex_shapes import ConvexShape, extent_of, simple_shape
 from tubeplanner.geometry.meshes import MeshFile
 from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
 from tubeplanner.text import require_name
@@ -88,32 +87,32 @@ class Obstacle:
         return f"<Obstacle {self.name}: {_extent(self.shapes)}>"
 
     @classmethod
+    def _simple(
+        cls, name: str, kind: str, sizes: Sequence[float], placement: FloatArray
+    ) -> "Obstacle":
+        _require_positive(name, kind, sizes)
+        shape = _placed(name, simple_shape(kind, sizes), placement)
+        return cls(name, (shape,), simple_contents(kind, sizes, placement))
+
+    @classmethod
     def box(cls, name: str, size: Sequence[float], placement: FloatArray) -> "Obstacle":
         """Return a box of full side lengths [m], centred in a placement (4, 4)."""
-        _require_positive(name, "box", size)
-        shape = _placed(name, convex_shape.box(size), placement)
-        return cls(name, (shape,), simple_contents("box", size, placement))
+        return cls._simple(name, "box", size, placement)
 
     @classmethod
     def sphere(cls, name: str, radius: float, placement: FloatArray) -> "Obstacle":
         """Return a sphere [m], centred in a placement (4, 4)."""
-        _require_positive(name, "sphere", [radius])
-        shape = _placed(name, convex_shape.sphere(radius), placement)
-        return cls(name, (shape,), simple_contents("sphere", [radius], placement))
+        return cls._simple(name, "sphere", [radius], placement)
 
     @classmethod
     def cylinder(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
         """Return a cylinder [m] along z of a placement (4, 4), centred at its origin."""
-        _require_positive(name, "cylinder", [radius, length])
-        shape = _placed(name, convex_shape.cylinder(radius, length), placement)
-        return cls(name, (shape,), simple_contents("cylinder", [radius, length], placement))
+        return cls._simple(name, "cylinder", [radius, length], placement)
 
     @classmethod
     def capsule(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
         """Return a capsule [m] along z of a placement (4, 4); length between its caps' centres."""
-        _require_positive(name, "capsule", [radius, length])
-        shape = _placed(name, convex_shape.capsule(radius, length), placement)
-        return cls(name, (shape,), simple_contents("capsule", [radius, length], placement))
+        return cls._simple(name, "capsule", [radius, length], placement)
 
     @classmethod
     def mesh(
@@ -211,7 +210,7 @@ def _listed(row: object) -> object:
 
 def _extent(shapes: Sequence[ConvexShape]) -> str:
     """Return a text: size along the axes, centre and number of shapes of a solid."""
-    low, high = convex_shape.extent_of(shapes)
+    low, high = extent_of(shapes)
     size = " x ".join(f"{side:.3g}" for side in high - low)
     centre = ", ".join(f"{x:.3g}" for x in (low + high) / 2 + 0.0)
     return f"{size} m about [{centre}], {len(shapes)} convex shape{'s' * (len(shapes) > 1)}"

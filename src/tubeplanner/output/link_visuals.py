@@ -14,7 +14,8 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.errors import RobotError, shown
-from tubeplanner.geometry.link_geometry import element_of, link_shapes, simple_shape
+from tubeplanner.geometry.convex_shapes import simple_shape
+from tubeplanner.geometry.link_geometry import MESH, element_of, link_shapes
 from tubeplanner.geometry.meshes import files_beside, length_unit
 from tubeplanner.geometry.solids import AttachedSolid
 from tubeplanner.output.drawing import Surface, coarse_hull_points, joined, shape_surface
@@ -225,8 +226,8 @@ def _pieces(
         red, green, blue = read_numbers("<material>", rgba, "rgba", 4)[:3].tolist()
         color = red, green, blue
     element = element_of("<visual>", visual)
-    simple = simple_shape(element)
-    if simple is not None:
+    if element.kind != MESH:
+        simple = simple_shape(element.kind, element.sizes)
         pieces: list[tuple[Color | None, Surface]] = [(None, shape_surface(simple))]
     else:
         path = find_mesh(element.filename, robot.urdf.path, robot.package_dirs)

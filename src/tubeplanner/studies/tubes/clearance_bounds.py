@@ -8,7 +8,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.geometry.body_shapes import BodyShape
 from tubeplanner.geometry.convex_shapes import bounding_boxes
-from tubeplanner.geometry.penetration import separating_directions
+from tubeplanner.geometry.distances import separating_directions
 from tubeplanner.native.library import Doubles, Integers, native_function
 from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet
 from tubeplanner.task.problem import PlanningProblem

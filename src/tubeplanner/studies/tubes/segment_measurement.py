@@ -245,7 +245,9 @@ class BranchNeighbourhood:
     def require_space(self, k: int) -> None:
         """Check by a rough search that the branch's own ranges are free."""
         core = range_core(self._problem, k, self._branch[k])
-        self._boxes_of(k, core, core).require_free_core(self._rough, self._rngs[k])
+        self._boxes_of(k, core, core).require_free_core(
+            self._pair_clearance, self._rough, self._rngs[k]
+        )
 
     def _boxes_of(self, k: int, core: JointBounds, outer: JointBounds) -> CollisionBoxes:
         branch, clearance = self._branch[k], self._pair_clearance
@@ -330,7 +332,8 @@ class BranchNeighbourhood:
         counterexample.
         """
         samples = self._rough if within is None else self._samples
-        return self._boxes[k].search(samples, self._rngs[k], preferences, within, self._checkpoint)
+        draws = self._pair_clearance, samples, self._rngs[k]
+        return self._boxes[k].search(*draws, preferences, within, self._checkpoint)
 
     def has_trajectory(self, sets: list[SegmentSearch]) -> bool:
         """Return True if fast planning finds a certified trajectory within sets."""

@@ -247,15 +247,18 @@ class CollisionBoxes:
         boxes._problem, boxes._segment = problem, segment
         return boxes, replace(search, allowed=allowed)
 
-    def require_free_core(self, samples: int, rng: np.random.Generator) -> None:
+    def require_free_core(
+        self, clearance: PairClearance, samples: int, rng: np.random.Generator
+    ) -> None:
         """Raise Infeasible if a quick search finds a collision in the core; as `search`."""
         core, budget = self._allowed(np.zeros_like(self._widest)), samples // _FIRST_FRACTION + 1
-        result = search_counterexamples(core, self._pair_clearance, budget, rng)
+        result = search_counterexamples(core, clearance, budget, rng)
         if not result.failed:
-            raise self._blocked(result.q, result.pair)
+            raise self._blocked(result.q, result.pair, clearance)
 
     def search(
         self,
+        clearance: PairClearance,
         samples: int,
         rng: np.random.Generator,
         preferences: SetPreferences,
@@ -265,6 +268,8 @@ class CollisionBoxes:
         """Return the largest set found around the branch.
 
         Args:
+            clearance: Of the pairs of links that searches find; the boxes' own tells where known
+                collisions begin.
             samples: Number of configurations of the counterexample search that must find nothing.
             rng: Random numbers.
             preferences: Trade of radius and ranges.
@@ -274,7 +279,7 @@ class CollisionBoxes:
         Raises:
             Infeasible: Status tube_blocked: a collision leaves no set, or searches do not end.
         """
-        sides, clearance = np.ones(len(self._widest) - 1), self._pair_clearance
+        sides = np.ones(len(self._widest) - 1)
         enough = np.concatenate([self._widest[:1], _ENOUGH_RANGE * sides])
         if preferences.needed is not None:
             enough = preferences.needed + np.concatenate([[_EXTRA_RADIUS], _EXTRA_RANGE * sides])
@@ -287,7 +292,7 @@ class CollisionBoxes:
         )
         budget = samples // _FIRST_FRACTION + 1
         if len(self._q) == 0:
-            self.require_free_core(samples, rng)
+            self.require_free_core(clearance, samples, rng)
             q = self._allowed(self._widest).sample(_FIRST_SAMPLES, rng)
             least = clearance.least(q, 0.0)
             self._learn(q[least.clearance < 0], least.pair[least.clearance < 0])
@@ -295,7 +300,7 @@ class CollisionBoxes:
         for number in range(_MAX_ROUNDS):
             in_core = self._in_core()
             if in_core.any():
-                raise self._blocked(self._q[in_core], self._pair[in_core])
+                raise self._blocked(self._q[in_core], self._pair[in_core], self._pair_clearance)
             checkpoint()
             box = search.best(self._beyond, within)
             allowed = self._allowed(box.extent)
@@ -320,22 +325,22 @@ class CollisionBoxes:
             self._learn(result.q, result.pair)
             if number >= _FREE_ROUNDS:
                 within = box
-        raise self._blocked(result.q, result.pair)
+        raise self._blocked(result.q, result.pair, clearance)
 
     def _in_core(self) -> BoolArray:
         """Return True for the collisions inside the core, which no box leaves out."""
         return np.asarray((self._beyond <= 0).all(axis=1))
 
-    def _blocked(self, q: FloatArray, pair: IntArray) -> Infeasible:
+    def _blocked(self, q: FloatArray, pair: IntArray, clearance: PairClearance) -> Infeasible:
         """Return the reason for no set: the deepest of some collisions."""
-        clearance, _ = self._pair_clearance.of_pairs(q, pair)
-        worst = int(clearance.argmin())
-        shapes = self._pair_clearance.pairs[pair[worst]]
+        slack, _ = clearance.of_pairs(q, pair)
+        worst = int(slack.argmin())
+        shapes = clearance.pairs[pair[worst]]
         location = pair_location(self._problem, self._segment, q[worst], shapes)
         return Infeasible(
             PlanStatus.TUBE_BLOCKED,
             f"there is no free space around the branch in segment {location.segment}: within its "
-            f"own joint ranges {location}, {-1000 * clearance[worst]:.1f} mm too close; split the "
+            f"own joint ranges {location}, {-1000 * slack[worst]:.1f} mm too close; split the "
             "segment by another reference point, or move it",
             location,
         )
