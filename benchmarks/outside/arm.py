@@ -130,7 +130,10 @@ class Arm:
         law = given.get("velocity_by_position")
         laws = read_laws(law, self.joint_names, limits.lower, limits.upper)
         points = read_points(given.get("point_speed"), self.links)
-        self.limits = replace(limits, laws=laws, points=points)
+        margin = given.get("position_margin") or {}
+        inside = np.array([float(margin.get(name, 0.0)) for name in self.joint_names])
+        lower, upper = limits.lower + inside, limits.upper - inside
+        self.limits = replace(limits, lower=lower, upper=upper, laws=laws, points=points)
         layers = given_motors(problem, len(chain))
         scale = float((given.get("scale") or {}).get("effort", 1.0))
         known = (self.joint_names, chain, description.joints, self._follow, moving)

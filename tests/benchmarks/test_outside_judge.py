@@ -166,6 +166,11 @@ CHANGES = [
     ("tube.tool_speed", "tool_speed", lambda m: [None, m.tool_speed.max() * ALMOST, None]),
     ("robot.limits.tool_speed", "tool_speed", lambda m: m.tool_speed.max() * ALMOST),
     ("robot.limits.position.joint1", "position", lambda m: [-6.0, m.q[:, 0].max() - SLIGHTLY]),
+    (
+        "robot.limits.position_margin.joint1",
+        "position",
+        lambda m: 2 * np.pi - m.q[:, 0].max() + SLIGHTLY,
+    ),
     ("robot.limits.velocity.joint1", "velocity", lambda m: peak(m.v[:, 0]) * ALMOST),
     ("robot.limits.acceleration.joint1", "acceleration", lambda m: peak(m.a[:, 0]) * ALMOST),
     ("robot.limits.jerk.joint1", "jerk", lambda m: peak(m.jerk[:, 0]) * ALMOST),

@@ -16,6 +16,7 @@ from tubeplanner import (
     PlanOptions,
     PlanStatus,
     PointSpeed,
+    ProblemError,
     Seed,
     Tube,
     load_problem,
@@ -249,6 +250,17 @@ def test_plans_keep_a_limit_and_use_it(name, method):
         dear = [one for one in result.sensitivities if one.limit == "effort_rate"]
         assert {one.joint for one in dear} == set(fields["effort_rate"])
         assert min(one.elasticity for one in dear) < -0.05
+
+
+def test_a_margin_ends_ranges_earlier():
+    problem = bent(position_margin={"joint2": np.pi - 1.8})
+    result = plan(problem, PlanOptions("refinement", quality="fast", slack=0.0))
+    require_kept(result.certificate, "position")
+    assert result.trajectory.position(result.duration)[1] == pytest.approx(-1.8, abs=1e-5)
+    with pytest.raises(
+        ProblemError, match=r"joint2' at -1 is outside its position limits \[-0.5, "
+    ):
+        bent(position_margin={"joint2": np.pi - 0.5})
 
 
 @pytest.mark.parametrize(

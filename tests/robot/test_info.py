@@ -56,6 +56,10 @@ def test_each_limit_has_the_uppermost_layer_that_gives_it(tmp_path):
     assert velocity[3][1] == "preset fer x 0.5"
     assert limits_of(info, "jerk")[1] == (77.0, "limits_file joint_limits.yaml")
     assert limits_of(info, "position")[0][1] == "URDF"
+    own = LimitOverrides(position={"panda_joint2": (-1.0, 1.0)}, position_margin=0.25)
+    position = limits_of(robot_info("example:panda", limits=own), "position")
+    assert position[0][1] == "URDF, less 0.25"
+    assert position[1] == ((-0.75, 0.75), "problem file, less 0.25")
 
 
 def test_limits_that_are_lifted_on_purpose_are_not_missing_and_ranges_show_the_most():

@@ -162,6 +162,26 @@ def test_an_empty_position_range_is_refused(resolve):
         assert f"robot.limits.position: joint 'j' has position limits {shown}" in message
 
 
+@pytest.mark.parametrize("margin", [0.25, [0.25, 0.25], {"j": 0.25, "k": 0.25}])
+def test_a_margin_comes_off_the_position_limits_of_any_source(resolve, margin):
+    """But not off the ends that a velocity by position falls towards."""
+    position, law = {"k": [-3.0, 3.0]}, {"velocity_by_position": {"j": LAW}}
+    limits = resolve(position=position, position_margin=margin, **law)
+    require(limits, lower_position=[-0.75, -2.75], upper_position=[1.75, 2.75])
+    require(limits, position_margin=[0.25, 0.25])
+    assert (limits.velocity_by_position[0].lower, limits.velocity_by_position[0].upper) == (-1, 2)
+    endless = resolve("j", kind="continuous", position_margin=0.25)
+    require(endless, lower_position=[-INF], upper_position=[INF])
+
+
+def test_a_margin_that_leaves_no_range_is_refused(resolve):
+    require(resolve(position_margin={"j": 1.4}), lower_position=[0.4, -1], upper_position=[0.6, 2])
+    assert refusal(RobotError, resolve, position_margin={"j": 1.5}) == (
+        "robot.limits.position_margin: joint 'j' at 1.5 has nothing left of its range [-1, 2]; "
+        "give less than 1.5"
+    )
+
+
 def test_a_continuous_joint_is_unbounded_unless_the_problem_bounds_it(resolve):
     require(resolve(kind="continuous"), lower_position=[-INF, -1], upper_position=[INF, 2])
     bounded = resolve(kind="continuous", position={"j": (0, 10)})
@@ -220,6 +240,11 @@ NO_EFFORTS = (
         ({"jerk": [1, 0]}, f"jerk[1] is 0; {RANGE}"),
         ({"effort": [3, [1, 2]]}, f"effort[1] is [1, 2]; {RANGE}"),  # only a map has pairs
         ({"effort": "strong"}, "effort is 'strong'; it must be one number for all joints, a list"),
+        ({"position_margin": -0.1}, "position_margin is -0.1; give a number from 0 to 1e+09"),
+        (
+            {"position_margin": {"j": INF}},
+            "position_margin: joint 'j' at inf; give a num",
+        ),
         ({"position": 5}, "position is 5; it must be a map by name, or a list"),
         ({"position": {"j": [1]}}, "position: joint 'j' at [1]; give [lower, upper"),
         ({"position": [[0, [1]], [0, 1]]}, "position[0] is [0, [1]]; give [low"),
@@ -354,6 +379,10 @@ MERGED = {
             LimitOverrides(velocity={"j": 0.5}, effort=5),
         ],
         {"velocity": [0.5, 1.5], "acceleration": [20, 25], "jerk": [500, 500], "effort": [5, 5]},
+    ),
+    "has its margin from a limit of an earlier one": (
+        [layer(position={"k": [-2.0, 2.0]}, position_margin=0.5), layer(position_margin={"j": 0})],
+        {"lower_position": [-0.5, -1.5], "upper_position": [1, 1.5], "position_margin": [0, 0.5]},
     ),
     "lifts a list by inf": (
         [layer(jerk=[500, 600], acceleration=[1, 2]), LimitOverrides(jerk=INF)],

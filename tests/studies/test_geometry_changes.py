@@ -335,16 +335,16 @@ def test_one_joint_has_more_effort(given, before, value, scale):
     assert more.limits.effort[0] == less.limits.effort[0]
 
 
+@pytest.mark.parametrize("margin", [0.0, 0.125])
 @pytest.mark.parametrize("given", [{"joint2": [-3.0, 0.5]}, [[-6.0, 6.0], [-3.0, 0.5]]])
-def test_one_end_of_a_range_is_moved_outwards(given):
-    question = asked({POSITION: given})
-    limits = question.robot.limits
+def test_one_end_of_a_range_is_moved_outwards(given, margin):
+    question = asked({POSITION: given, f"{POSITION}_margin": margin})
     for end, sign in (("lower", -1), ("upper", 1)):
         change = the(limit_changes(question), f"{POSITION}.joint2", end)
-        both = [limits.lower_position[1], limits.upper_position[1]]
+        both = [-3.0, 0.5]
         assert (change.before, change.unit, change.about) == (both, "rad", {"joint2"})
         wider = made(question, change, 0.25).robot.limits
-        expected = [both[0] - 0.25 * (sign < 0), both[1] + 0.25 * (sign > 0)]
+        expected = [both[0] - 0.25 * (sign < 0) + margin, both[1] + 0.25 * (sign > 0) - margin]
         np.testing.assert_allclose([wider.lower_position[1], wider.upper_position[1]], expected)
 
 

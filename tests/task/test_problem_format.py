@@ -121,7 +121,8 @@ ROBOT = (
 )
 LIMITS = (
     "effort, velocity, position, acceleration, jerk, scale, tool_speed, "
-    "velocity_tolerance, effort_rate, velocity_by_position, point_speed"
+    "velocity_tolerance, effort_rate, velocity_by_position, point_speed, "
+    "position_margin"
 )
 MOTORS = (
     "armature, viscous_friction, coulomb_friction, saturation_effort, no_load_velocity, "

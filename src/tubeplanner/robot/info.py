@@ -98,7 +98,7 @@ class SourcedValue:
     Attributes:
         value: A number, or (lower, upper); None: there is none, or it is infinite.
         source: "URDF", "problem file", "preset NAME", "limits_file NAME", the joint that follows
-            and bounds it, or "none"; with the factor of limits.scale.
+            and bounds it, or "none"; with the factor of limits.scale or the position margin.
     """
 
     value: Any
@@ -180,20 +180,22 @@ def _sourced(
     own = merged.by_joint[quantity].get(joint.name)
     if own is None and default == URDF:
         own = (joint.lower, joint.upper) if quantity == "position" else getattr(joint, quantity)
+    margin = merged.by_joint["position_margin"].get(joint.name, 0.0)
+    less = f", less {margin:g}" if quantity == "position" and margin else ""
     if own is None:
         is_tighter = bool(np.isfinite(value).all())
     elif isinstance(value, tuple):
-        is_tighter = value[0] > own[0] or value[1] < own[1]
+        is_tighter = value[0] > own[0] + margin or value[1] < own[1] - margin
     elif isinstance(own, Sequence | Mapping):
         source, is_tighter = f"{source}, most of a range", False
     else:
         is_tighter = value < float(own) * factor * (1 - 1e-12)
     if is_tighter:
         followers = followers_of(arm.description, [joint.name])
-        return SourcedValue(value, f"follower {' or '.join(followers)}")
+        return SourcedValue(value, f"follower {' or '.join(followers)}{less}")
     if source == NOWHERE or not np.isfinite(value).all():
         return SourcedValue(None, source)
-    return SourcedValue(value, source if factor == 1.0 else f"{source} x {factor:g}")
+    return SourcedValue(value, f"{source}{less}" if factor == 1.0 else f"{source} x {factor:g}")
 
 
 def _motors(arm: DescribedArm) -> dict[str, dict[str, SourcedValue]]:

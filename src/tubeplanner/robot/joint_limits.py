@@ -275,8 +275,8 @@ class JointLimits:
     """Limits of n joints, in group order; inf where there is none.
 
     Attributes:
-        lower_position: Shape (n,) [rad or m].
-        upper_position: Shape (n,) [rad or m].
+        lower_position: Shape (n,), the margin included [rad or m].
+        upper_position: Likewise.
         velocity: Shape (n,) [rad/s or m/s].
         effort: The largest at any position and in either direction, shape (n,) [N m or N].
         acceleration: Shape (n,) [rad/s^2 or m/s^2].
@@ -290,6 +290,7 @@ class JointLimits:
         velocity_tolerance: Fraction by which the maker's controller lets joints pass their velocity
             limits, of a preset; None: not known.
         sources: Source of each limit that is not the URDF's, by quantity and joint name.
+        position_margin: Taken off both position limits, shape (n,) [rad or m]; 0: none.
     """
 
     lower_position: FloatArray
@@ -306,6 +307,7 @@ class JointLimits:
     notes: tuple[str, ...] = ()
     velocity_tolerance: float | None = None
     sources: Mapping[str, Mapping[str, str]] = field(default_factory=dict, repr=False)
+    position_margin: FloatArray | float = 0.0
 
     __repr__ = short_repr
 
@@ -339,9 +341,9 @@ def resolve_limits(
 
     Raises:
         RobotError: A limit is missing, zero, negative or reversed and not replaced, a joint has no
-            finite limit that bounds its speed, a follower leaves its master no range, or a layer
-            names a joint that is neither in the group nor a follower, or an unknown link, or has
-            not one value per joint.
+            finite limit that bounds its speed, a follower or a margin leaves a joint no range, or a
+            layer names a joint that is neither in the group nor a follower, or an unknown link, or
+            has not one value per joint.
     """
     layers, names = layers_of(limits), list(joint_names)
     merged, scale = merged_limits(description, names, layers), merged_scale(layers)
@@ -378,12 +380,14 @@ def resolve_limits(
                 f"joint '{name}' has no finite limit among effort, velocity and acceleration, so "
                 "its speed is unbounded; give one in robot.limits"
             )
+    margin = np.array([overrides["position_margin"].get(name, 0.0) for name in names])
+    _require_range(names, positions, margin)
     laws = overrides["velocity_by_position"]
     above = [layer.limits for layer in layers]
     tolerance = uppermost((each.velocity_tolerance for each in above), None)
     return JointLimits(
-        read_only(positions[:, 0]),
-        read_only(positions[:, 1]),
+        read_only(positions[:, 0] + margin),
+        read_only(positions[:, 1] - margin),
         **scaled,
         tool_speed=float(uppermost((each.tool_speed for each in above), np.inf)),
         velocity_by_position=tuple(
@@ -400,6 +404,7 @@ def resolve_limits(
         notes=tuple(note for layer in layers for note in layer.notes),
         velocity_tolerance=None if tolerance is None else float(tolerance),
         sources=merged.sources,
+        position_margin=read_only(margin),
     )
 
 
@@ -463,3 +468,13 @@ def _bound_by_follower(
         raise RobotError(
             f"{where}, slides without end; give finite limits in robot.limits.position"
         )
+
+
+def _require_range(names: Sequence[str], positions: FloatArray, margin: FloatArray) -> None:
+    """Raise RobotError if margins (n,) leave a joint nothing of its position limits (n, 2)."""
+    for name, (lower, upper), own in zip(names, positions, margin, strict=True):
+        if not lower + own < upper - own:
+            raise RobotError(
+                f"robot.limits.position_margin: joint '{name}' at {own:g} has nothing left of its "
+                f"range [{lower:g}, {upper:g}]; give less than {(upper - lower) / 2:g}"
+            )

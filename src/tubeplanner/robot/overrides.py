@@ -212,7 +212,7 @@ class PointSpeedFields(DeclaredSection):
 class LimitOverrides(_JointValues):
     """Limits of a problem: maps by joint name, or lists with a value per joint in chain order.
 
-    A single number of effort, velocity, acceleration, jerk or effort rate serves for all joints.
+    A single number serves for all joints, but of position and velocity by position.
 
     Infinite: no limit. In a map of efforts a value may be [backwards, forwards], two magnitudes by
     the sign of the effort, or a map with increasing positions and efforts there: linear between
@@ -252,6 +252,9 @@ class LimitOverrides(_JointValues):
         {}, "velocity limits that fall towards the ends of the range", dict[str, _Law] | list[_Law]
     )
     point_speed: Sequence[PointSpeed] = declared([], "of points of the arm", list[PointSpeedFields])
+    position_margin: NumberPerJoint = declared(
+        {}, "taken off both position limits; default: 0 [rad, m]", _Numbers
+    )
 
     __repr__ = short_repr
 
@@ -281,6 +284,9 @@ class LimitOverrides(_JointValues):
         for where, range_ in self._entries("robot.limits", "position"):
             if not _is_pair(range_) or not all(map(is_number, range_)):
                 raise RobotError(f"{where} {shown(range_)}; give [lower, upper]")
+        for where, margin in self._entries("robot.limits", "position_margin"):
+            if not _is_amount(margin):
+                raise RobotError(f"{where} {in_figures(margin)}; give a number from 0 to {_MAX:g}")
         if not isinstance(self.scale, Mapping):
             raise RobotError(
                 f"robot.limits.scale is {shown(self.scale)}; it must be a map by name, such as "
@@ -310,7 +316,7 @@ QUANTITIES: dict[str, JointQuantity] = {
 }
 SCALABLE = tuple(name for name, quantity in QUANTITIES.items() if quantity.is_scalable)
 FOLLOWED = tuple(name for name, quantity in QUANTITIES.items() if quantity.is_followed)
-PER_JOINT = (*QUANTITIES, *_NO_NUMBER)
+PER_JOINT = (*QUANTITIES, *_NO_NUMBER, "position_margin")
 
 
 @section_of(LimitOverrides)

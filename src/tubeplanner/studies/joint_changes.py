@@ -11,6 +11,7 @@ import numpy as np
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.first_guess.pose_configurations import middle_of
+from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.studies.changes import Change, Proposal, Question, exact, figures, from_to, rounded
 from tubeplanner.task.endpoints import Seed, ToolPose, configuration_of
 from tubeplanner.task.problem_reader import end_of
@@ -29,7 +30,7 @@ def limit_changes(question: Question) -> Iterator[Change]:
     yield from effort_changes(question, 1)
     yield from payload_changes(question, -1)
     robot, own = question.robot, question.fields.robot.limits.position
-    lower, upper = robot.limits.lower_position.tolist(), robot.limits.upper_position.tolist()
+    lower, upper = _own_positions(robot.limits)
 
     def wider(k: int, limits: tuple[float, float], end: int, sign: int, size: float) -> Proposal:
         after, joint = list(limits), robot.joint_names[k]
@@ -103,6 +104,12 @@ def effort_changes(question: Question, sign: int) -> Iterator[Change]:
         )
 
 
+def _own_positions(limits: JointLimits) -> tuple[list[float], list[float]]:
+    """Return the lower and the upper position limits, without the margin from them."""
+    margin = limits.position_margin
+    return (limits.lower_position - margin).tolist(), (limits.upper_position + margin).tolist()
+
+
 def _limit_of(question: Question, quantity: str, joint: str, value: Any) -> dict[str, Any]:
     """Return the values that give a joint another limit, and the others their present limits."""
     limits = getattr(question.fields.robot.limits, quantity)
@@ -112,8 +119,7 @@ def _limit_of(question: Question, quantity: str, joint: str, value: Any) -> dict
     # One value for all joints, or a list, becomes a map by name.
     robot, names = question.robot, question.robot.joint_names
     if quantity == "position":
-        bounds = (robot.limits.lower_position, robot.limits.upper_position)
-        values = np.column_stack(bounds).tolist()
+        values = np.column_stack(_own_positions(robot.limits)).tolist()
     else:
         factor = question.fields.robot.limits.scale.get(quantity, 1.0)
         values = [exact(each / factor) for each in getattr(robot.limits, quantity).tolist()]
