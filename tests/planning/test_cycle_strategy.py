@@ -268,6 +268,22 @@ def test_a_period_is_that_of_what_is_written_and_takes_no_sharing_away(shared: C
         assert abs(ours - theirs).max() < 1e-6
 
 
+def test_robustness_is_that_of_every_leg(monkeypatch: pytest.MonkeyPatch) -> None:
+    cycle, problems = two_moves(robustness={"mass": 0.05}), []
+
+    def noting(problem: PlanningProblem, *others: Any) -> PlanResult:
+        problems.append(problem)
+        shortest, _, follow, _ = others
+        return follow(problem, shortest)
+
+    monkeypatch.setattr(strategy, "robust_plan", noting)
+    result = plan_cycle(cycle, SHORTEST)
+    assert [each.robustness for each in problems] == [cycle.robustness] * 2
+    assert cycle.robustness.mass == 0.05
+    for problem, leg in zip(problems, result.motion.legs, strict=True):
+        assert verify(problem, leg).passed
+
+
 def test_a_slack_that_the_method_does_not_honour_is_refused() -> None:
     with pytest.raises(OptionError, match="stop-at-corners"):
         plan_cycle(two_moves(), PlanOptions(method="stop-at-corners", slack=0.1))

@@ -125,8 +125,7 @@ def simulate(
         loaded, loading_time = console.load_either_timed(problem, enter, changes)
         files.spare([loaded.robot.urdf.path])
         file = read_trajectory_file(trajectory, loaded.robot.joint_names)
-        if not isinstance(loaded, Cycle):
-            robustness = replace(loaded.robustness or Robustness(), **options)
+        robustness = replace(loaded.robustness or Robustness(), **options)
         simulation = _Simulation(trajectory, file, robustness, draw, files, enter)
         if isinstance(loaded, Cycle):
             answer = simulation.of_cycle(loaded)

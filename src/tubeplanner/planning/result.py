@@ -454,6 +454,13 @@ class CycleResult(TaskResult):
     def as_dict(self) -> dict[str, Any]:
         """Return the fields of the command line's JSON, but for loading_time."""
         motion = self.motion
+        # Of legs, by the names of their moves.
+        survivals = {
+            name: leg.result.survival.as_dict()
+            for section, leg in zip(motion.cycle.legs if motion else (), self.legs, strict=False)
+            for name in section.names
+            if leg.result.survival is not None
+        }
         return self._as_dict(
             duration=self.duration,
             shortest_duration=self.shortest_duration,
@@ -463,6 +470,7 @@ class CycleResult(TaskResult):
             marks=[] if motion is None else [mark.as_dict() for mark in motion.marks],
             sensitivities=[asdict(each) for each in self.sensitivities],
             certificate=None if self.certificate is None else self.certificate.as_dict(),
+            **({"robustness": survivals} if survivals else {}),
         )
 
 

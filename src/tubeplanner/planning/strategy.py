@@ -354,9 +354,11 @@ def _stop_of(plans: Sequence[LegPlan]) -> StoppedBy | None:
 def _notes(cycle: Cycle, shortest: Sequence[LegPlan], plans: Sequence[LegPlan]) -> tuple[str, ...]:
     """Return the notes on the written legs; a note of several legs once."""
     names_by_note: dict[str, list[str]] = {}
-    for leg, plan in zip(cycle.legs, shortest, strict=True):
+    for leg, plan, written in zip(cycle.legs, shortest, plans, strict=True):
         problem = plan.problem
         own = (*robot_notes(problem.robot), *problem.tube.notes, *plan.result.notes)
+        if (survival := written.result.survival) is not None:
+            own = (*own, survival.seen, *survival.notes)
         for note in dict.fromkeys(own):
             names_by_note.setdefault(note, []).append(leg.name)
     notes = [
@@ -365,7 +367,11 @@ def _notes(cycle: Cycle, shortest: Sequence[LegPlan], plans: Sequence[LegPlan]) 
     ]
     if any(p.duration > s.duration for s, p in zip(shortest, plans, strict=True)):
         objectives = {(each.problem.objective or Objective()).minimise for each in plans}
-        done = "smoothed" if objectives == {SMOOTHNESS} else "better by the objective"
+        done, how = "better by the objective", " (--slack 0)"
+        if any(each.result.survival for each in plans):
+            done, how = "robust", ""
+        elif objectives == {SMOOTHNESS}:
+            done = "smoothed"
         least, total = sum(p.duration for p in shortest), sum(p.duration for p in plans)
-        notes.append(f"{done}: moves of {total:.4f} s; the shortest are {least:.4f} s (--slack 0)")
+        notes.append(f"{done}: moves of {total:.4f} s; the shortest are {least:.4f} s{how}")
     return tuple(notes)

@@ -12,6 +12,7 @@ from tubeplanner.errors import FormerName, ProblemError, RobotError, shown
 from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, left, taken
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.demands import Robustness
 from tubeplanner.task.endpoints import Endpoint, Goal, Seed, ToolPose, endpoint_of
 from tubeplanner.task.legs import Leg, Stop, StopStep, legs_of
 from tubeplanner.task.problem import PlanningProblem, given_members, require_parts
@@ -94,6 +95,7 @@ class Cycle:
         period: Of the controller [s], as of a `PlanningProblem`.
         name: Name in messages and plots.
         notes: Sentences on implausible values of its file.
+        robustness: Errors that the motion of every leg must survive in simulation; None: none.
         legs: Runs of moves without a stop.
         after: The rest after the last leg.
 
@@ -112,6 +114,7 @@ class Cycle:
     period: float | None = None
     name: str = "cycle"
     notes: tuple[str, ...] = ()
+    robustness: Robustness | None = None
     legs: tuple[Leg, ...] = field(init=False)
     after: Stop = field(init=False)
 
@@ -119,7 +122,7 @@ class Cycle:
     rest_at = FormerName("stop_at")
 
     def __post_init__(self) -> None:
-        require_parts(self, "closed", "self_collision", "name")
+        require_parts(self, "closed", "self_collision", "name", "robustness")
         is_row = isinstance(self.steps, list | tuple)
         object.__setattr__(self, "steps", tuple(self.steps) if is_row else (self.steps,))
         for group in ("obstacles", "attached"):
@@ -253,6 +256,7 @@ class Cycle:
                 [pair for pair in move.ignore_collisions if self._is_present(pair, cell)],
                 move.objective,
                 self.period,
+                self.robustness,
                 name=f"{self.name}, {leg.name}",
             )
             _ = problem.collision  # built here, so that its errors name the move

@@ -30,6 +30,7 @@ from tubeplanner.task.problem_format import (
     PayloadFields,
     ProblemFields,
     RobotFields,
+    RobustnessFields,
     ShapeFields,
     TubeFields,
     clearances_of,
@@ -151,6 +152,9 @@ class CycleFields(Section):
     period: Finite | None = Field(
         None, description="the controller's: durations and breakpoints are multiples of it [s]"
     )
+    robustness: RobustnessFields | None = Field(
+        None, description="what every move is to survive in simulation"
+    )
     closed: Flag = Field(False, description="whether the arm ends where it began")
     moves: list[StepFields] = Field(description="moves and what happens between them, in order")
 
@@ -173,7 +177,7 @@ def check_cycle_fields(
 
 # ---- Cycles from files and from nested dictionaries.
 
-_HEADER = ("robot", "start", "obstacles", "objective", "period")
+_HEADER = ("robot", "start", "obstacles", "objective", "period", "robustness")
 
 
 def load_cycle(
@@ -245,6 +249,7 @@ def _build(
             self_collision=fields.collision.self_,
             period=fields.period,
             name=name,
+            robustness=first.robustness,
             notes=tuple(doubts(angles_of(fields.model_dump()))),
         )
     except (ProblemError, RobotError) as error:
