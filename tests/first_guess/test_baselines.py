@@ -5,12 +5,13 @@ import pytest
 from cases import one_joint
 
 from tubeplanner import PlanningProblem, Tube, verify
-from tubeplanner.first_guess.bang_bang import (
+from tubeplanner.first_guess.baselines import (
+    BASELINES,
     averaged_parameterization,
     bang_bang_parameterizations,
+    judged_baseline,
     run_along,
 )
-from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
 from tubeplanner.first_guess.branches import RedundancyRule, reference_branch
 from tubeplanner.first_guess.line_schemes import PAPER, TrapezoidalSpeed, conventional_trajectory
 from tubeplanner.first_guess.tool_paths import tool_paths

@@ -6,7 +6,7 @@ from cases import quintic
 
 from tubeplanner import JointTrajectory, Tube
 from tubeplanner.first_guess import tool_paths as tool_path_module
-from tubeplanner.first_guess.bang_bang import averaged_parameterization, run_along, times_at
+from tubeplanner.first_guess.baselines import averaged_parameterization, run_along, times_at
 from tubeplanner.first_guess.branches import RedundancyRule, ReferenceBranch, reference_branch
 from tubeplanner.first_guess.tool_paths import arc_lengths_on_line, rounded_polyline, tool_paths
 from tubeplanner.outcome import Infeasible

@@ -122,12 +122,8 @@ class BranchAndBound:
     ) -> None:
         """Prepare a search.
 
-        Args:
-            problem: The planning problem.
-            waypoints: The M >= 2 candidates, shape (M, n); the first and the last are always used.
-            upper_bound: Only trajectories faster than this are of interest [s].
-            node_budget: Number of nodes after which the search ends, about.
-            checkpoint: Called while the search is prepared; it may raise to end that.
+        The first and the last of the M >= 2 waypoints (M, n) are always used. Only trajectories
+        faster than the upper bound are of interest [s]; the search ends at about the node budget.
         """
         self.best: JointTrajectory | None = None
         self.certificate: Certificate | None = None

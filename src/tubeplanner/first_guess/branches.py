@@ -120,11 +120,8 @@ def reference_branch(
 ) -> ReferenceBranch:
     """Return the branch selected by joint signs, start and goal.
 
-    Args:
-        problem: The planning problem.
-        rule: How redundant joints move.
-        checkpoint: Called before every segment; it may raise to end the work.
-        with_rotation: Whether the branch keeps the rotation tolerance, if there is one.
+    The checkpoint is called before every segment. `with_rotation`: whether the branch keeps the
+    rotation tolerance, if there is one.
 
     Raises:
         Infeasible: Status unreachable: the message says where the branch ends and why.
@@ -451,11 +448,8 @@ def other_ends(
     """Return further problems with configurations in place of poses, and the number of all.
 
     Only configurations free of collision, if any is free. The least times between start and goal
-    come first; where both are poses, only so many.
-
-    Args:
-        problem: With poses.
-        configured: The problem that `configured_ends` returned.
+    come first; where both are poses, only so many. The problem `configured` is the one of
+    `configured_ends`.
     """
     by_end, count = [], 1
     for name, point, end in zip(("start", "goal"), (0, -1), problem.endpoints, strict=True):

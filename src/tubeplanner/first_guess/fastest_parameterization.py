@@ -80,13 +80,8 @@ def path_rows(
 ) -> tuple[PathRows, PathRows]:
     """Return the rows of limits at the begins and at the ends of N steps along a path.
 
-    Each step has the Coulomb friction of its own directions at both ends.
-
-    Args:
-        problem: The planning problem.
-        path: Over the arc length.
-        arc_length: Begins and ends of steps, shape (N+1,).
-        limits: Limits of accelerations and efforts.
+    Each step has the Coulomb friction of its own directions at both ends. The begins and ends have
+    arc lengths (N+1,).
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.

@@ -66,14 +66,9 @@ def feasible_trajectory(
     """Return the trajectory through knots, or None if a test fails.
 
     Position limits are judged for all t, the tube at 65 samples per piece with the valleys between
-    them, collisions at 9. The certificate judges more strictly.
-
-    Args:
-        problem: The planning problem.
-        knots: Shape (K, n).
-        construction: Builds the polynomials from the knots.
-        clearance: Around K configurations near the knots.
-        upper_bound: Only a faster trajectory is of interest [s].
+    them, collisions at 9. The certificate judges more strictly. The clearance is around
+    configurations near the knots (K, n); only a trajectory faster than the upper bound is of
+    interest [s].
     """
     shape = construction(problem.robot.joint_names, knots)
     samples = shape.per_piece(_LIMIT_SAMPLES)
@@ -174,13 +169,8 @@ def best_direction(
 ) -> Direction:
     """Return the direction of all knots that makes a trajectory fastest.
 
-    Args:
-        problem: The planning problem.
-        candidate: A trajectory through K >= 3 knots.
-        increments: Step of a knot along each axis, shape (n,) [rad or m].
-        clearance: Around the trajectory's knots.
-        upper_bound: Only directions to a shorter duration are of interest [s].
-        node_budget: Number of nodes after which the search ends, about.
+    A knot moves by an increment along an axis (n,) [rad or m]. Only directions to a duration below
+    the upper bound are of interest [s]; the search ends at about the node budget.
     """
     search = _Search(problem, candidate, increments, clearance, upper_bound)
     while not search.finished and search.nodes < node_budget:
@@ -281,10 +271,8 @@ class _Search:
     def _batch(self, nodes: _Open, aim: int, new: int) -> SegmentBatch:
         """Return the segments settled by a choice for the knot that they aim at.
 
-        Args:
-            nodes: P nodes.
-            aim: The knot after the end of the first new segment.
-            new: Number of new segments: 1, or the last 2 to the goal.
+        The knot after the end of the first new segment is `aim`; `new` is 1, or 2 for the last to
+        the goal.
         """
         count, begin = len(nodes), aim - 2
         built = begin + new
@@ -377,9 +365,8 @@ class KnotModification:
     ) -> KnotTrajectory:
         """Move the knots until no direction helps; return the fastest trajectory.
 
-        Args:
-            node_budget: Number of nodes after which it ends, about.
-            checkpoint: Called before every search for a direction; it may raise to end the work.
+        It ends at about the node budget; the checkpoint is called before every search for a
+        direction.
         """
         for halving in range(self._options.halvings + 1):
             increments = self._increments / 2**halving

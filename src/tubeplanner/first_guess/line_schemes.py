@@ -70,10 +70,6 @@ def largest_trapezoidal_speed(problem: PlanningProblem, lines: list[ToolPath]) -
     It keeps the limits of velocity, acceleration and effort. Limits of jerk are left out, since the
     acceleration jumps.
 
-    Args:
-        problem: The planning problem.
-        lines: From stop to stop.
-
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or the scheme cannot run a line.
     """
@@ -176,11 +172,8 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
     """Return the fastest trajectory by Taylor's scheme, among trajectories in the tube if any.
 
     His time for an interval comes from velocity limits alone; here each interval lasts as long as
-    the limits of effort, velocity and acceleration require around it.
-
-    Args:
-        problem: The planning problem; its radii are the tolerances.
-        lines: The arm along the tool's lines, one for every segment in which it moves.
+    the limits of effort, velocity and acceleration require around it. The radii of the problem are
+    the tolerances.
 
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or knots do not end the deviation.

@@ -46,11 +46,7 @@ def outside_bounds(
 ) -> OutsideBounds:
     """Return the joint farthest outside its bounds, of the configuration least outside.
 
-    Args:
-        robot: The arm.
-        q: Configurations, each outside, shape (c, n) [rad or m].
-        lower: Lower bounds, shape (n,).
-        upper: Upper bounds, shape (n,).
+    Each of the configurations (c, n) is outside the bounds (n,) [rad or m].
     """
     beyond = np.maximum(np.maximum(lower - q, q - upper), 0.0)
     best = int(beyond.max(axis=1).argmin())
@@ -83,12 +79,8 @@ def pose_configurations(problem: PlanningProblem, pose: ToolPose, point: int) ->
     """Return the configurations (c, n) of a tool pose, best first.
 
     Configurations free of collision come first, then those that the motors hold, then those nearest
-    the middle of their ranges. From a seed there is one.
-
-    Args:
-        problem: The planning problem.
-        pose: The pose of start or goal.
-        point: 0 for the start, -1 for the goal: its segment's joint ranges count.
+    the middle of their ranges. From a seed there is one. The joint ranges are those of the segment
+    of the start (point 0) or the goal (point -1).
 
     Raises:
         Infeasible: Status unreachable: there is no configuration; the message says why.

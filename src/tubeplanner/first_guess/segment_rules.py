@@ -67,9 +67,7 @@ class LinkClearance:
     def around(self, q: FloatArray, nearest: IntArray) -> "LinkClearance":
         """Return the clearance around other configurations, without measuring everything again.
 
-        Args:
-            q: Shape (P, n), each near a measured one.
-            nearest: Index of that one, shape (P,).
+        The configurations (P, n) are each near a measured one, of index `nearest` (P,).
         """
         other = copy(self)
         travel = abs(q - self._waypoints[nearest])
@@ -82,9 +80,7 @@ class LinkClearance:
     def is_free(self, q: FloatArray, waypoint: IntArray) -> BoolArray:
         """Return a mask of the configurations that keep their distances, shape (N,).
 
-        Args:
-            q: Shape (N, n).
-            waypoint: Index of a waypoint near each, shape (N,).
+        The configurations are of shape (N, n), the index of a waypoint near each is of shape (N,).
         """
         if len(self._pairs) == 0:
             return np.ones(len(q), dtype=bool)
@@ -190,11 +186,8 @@ class SegmentRules:
     ) -> None:
         """Prepare the tests.
 
-        Args:
-            problem: The planning problem.
-            waypoints: Shape (M, n).
-            checkpoint: Called while clearances are measured; it may raise to end that.
-            clearance: Around the waypoints; None: it is measured.
+        The clearance is around the waypoints (M, n); None: it is measured, and the checkpoint
+        called meanwhile.
         """
         self._problem = problem
         self._clearance = clearance or LinkClearance(problem, waypoints, checkpoint)
@@ -214,9 +207,8 @@ class SegmentRules:
     def surviving(self, batch: SegmentBatch, upper_bound: float) -> SegmentBatch:
         """Return the continuations that no rule but `clear` cuts, which takes longest.
 
-        Args:
-            batch: Continuations without tested samples.
-            upper_bound: Only trajectories faster than this are of interest [s].
+        No samples of the batch are tested yet. Only trajectories faster than the upper bound are of
+        interest [s].
         """
         batch = self._cut("collision", batch, self.free_waypoints[batch.waypoints[:, 2]])
         rate_factor = np.full(len(batch), np.inf)

@@ -39,12 +39,7 @@ class ReferenceRotation:
     ) -> None:
         """Prepare for a segment.
 
-        Args:
-            problem: The planning problem.
-            tube: Rotational part of the problem's tube, with that of the goal.
-            segment: Index of the tube's segment.
-            begin: Configuration at the segment's start, shape (n,).
-            goal: Configuration at the segment's end, if given.
+        The goal is the configuration at the segment's end, if given.
         """
         self._robot, self._tube, self._segment = problem.robot, tube, segment
         self._following = min(segment + 1, len(tube.bounds) - 1)
@@ -100,11 +95,8 @@ def wanted_at(
 ) -> WantedRotation | None:
     """Return the tool's target orientation at a point; None if no rotation is bounded.
 
-    Args:
-        problem: The planning problem.
-        point: The tool's position, shape (3,), base frame [m].
-        segment: Index of the segment; after the last one, the goal's.
-        near: A configuration (n,) with the target rotation vector; None: the reference.
+    It has the rotation vector of the configuration `near` (n,); None: the reference. After the last
+    segment, it is the goal's.
     """
     tube = problem.rotation
     if tube is None:

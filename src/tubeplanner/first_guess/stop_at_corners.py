@@ -41,10 +41,7 @@ def stop_at_corners(
 ) -> JointTrajectory:
     """Return the fastest of a family of trajectories with a stop at every reference point.
 
-    Args:
-        problem: The planning problem.
-        branch: The arm along the reference path.
-        checkpoint: Called before every segment; it may raise to end the work.
+    The checkpoint is called before every segment.
 
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or no spline follows the branch in the tube.

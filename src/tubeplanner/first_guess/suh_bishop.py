@@ -145,12 +145,8 @@ class SuhBishop:
     ) -> None:
         """Begin with the trajectory that phase 1 found.
 
-        Args:
-            problem: The planning problem.
-            candidate: That trajectory, at the limits.
-            certificate: The certificate of that trajectory, passed.
-            options: Options of phase 2.
-            checkpoint: Called before every search for a direction; it may raise to end the work.
+        The certificate is of that trajectory; the checkpoint is called before every search for a
+        direction and may raise to end the work.
         """
         self.best, self.certificate, self.certificate_time = candidate, certificate, 0.0
         self._problem, self._first, self._options = problem, candidate, options

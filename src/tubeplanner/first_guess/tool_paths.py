@@ -182,10 +182,7 @@ class ToolPath:
 def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool) -> list[ToolPath]:
     """Return the arm's paths along the tool's lines between the reference points of a branch.
 
-    Args:
-        problem: The planning problem.
-        branch: The arm along the reference path.
-        arcs: True: arcs inside the tube cut corners; False: the tool stops there.
+    Arcs inside the tube cut corners; without arcs, the tool stops there.
 
     Returns:
         The paths from stop to stop.
@@ -212,11 +209,6 @@ def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) 
 
     The branch's configurations are moved to the curve and joined by a cubic spline over their
     distances; steps that leave the curve at probes are halved.
-
-    Args:
-        problem: The planning problem.
-        branch: The arm along the polyline that the curve rounds.
-        curve: Lines and arcs along the polyline, or a part of it.
 
     Raises:
         Infeasible: Status unreachable or no_trajectory: the tool cannot follow the curve.

@@ -26,11 +26,7 @@ def candidate_waypoints(
 ) -> FloatArray:
     """Return M configurations with tools equally spaced along the branch.
 
-    Args:
-        problem: The planning problem.
-        branch: The arm along the reference path.
-        count: M >= 2.
-        checkpoint: Called before each; it may raise to end the work.
+    The checkpoint is called before each of the M >= 2.
 
     Returns:
         Shape (M, n) [rad or m]; the first is the start, the last the goal. Where the tool stands
@@ -77,9 +73,7 @@ _QUINTIC = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
 def power_basis(t: FloatArray, order: int) -> FloatArray:
     """Return the powers of time, differentiated, that multiply a quartic's coefficients, (N, 5).
 
-    Args:
-        t: Local times, shape (N,) [s].
-        order: Order of the derivative; 0 for the value.
+    The derivative of order 0 is the value; times are local, (N,) [s].
     """
     factor = np.prod([_QUARTIC_POWERS - i for i in range(order)], axis=0)
     return factor * t[:, None] ** np.maximum(_QUARTIC_POWERS - order, 0)
@@ -95,14 +89,8 @@ def look_ahead_quartic(
     """Return the quartic that continues a trajectory, passes a waypoint and aims at the next.
 
     It starts with the given state, passes `following` after one second and would pass `after` after
-    two; only its first second is used (Suh & Bishop 1988: the look-ahead condition).
-
-    Args:
-        position: Shape (..., n), as all arguments [rad or m].
-        velocity: [rad/s or m/s].
-        acceleration: [rad/s^2 or m/s^2].
-        following: The waypoint that is passed.
-        after: The waypoint that is aimed at.
+    two; only its first second is used (Suh & Bishop 1988: the look-ahead condition). All arguments
+    have shape (..., n), the waypoint aimed at is `after`.
 
     Returns:
         Shape (5, 1, ..., n).
@@ -121,14 +109,8 @@ def last_two_quartics(
     """Return two quartics that continue a trajectory, pass a waypoint and rest at the goal.
 
     Ten conditions: the given state, `following` passed with continuous velocity and acceleration,
-    and the goal at rest with zero acceleration.
-
-    Args:
-        position: Shape (..., n), as all arguments [rad or m].
-        velocity: [rad/s or m/s].
-        acceleration: [rad/s^2 or m/s^2].
-        following: The last waypoint before the goal.
-        goal: The last waypoint.
+    and the goal at rest with zero acceleration. All arguments have shape (..., n), the waypoint
+    passed is `following`.
 
     Returns:
         Shape (5, 2, ..., n).
@@ -140,9 +122,7 @@ def last_two_quartics(
 def sequential_quartics(joint_names: Sequence[str], waypoints: FloatArray) -> JointTrajectory:
     """Return the trajectory through K >= 2 waypoints, built segment by segment.
 
-    Args:
-        joint_names: The n joints.
-        waypoints: Shape (K, n) [rad or m].
+    Waypoints have shape (K, n) [rad or m].
 
     Returns:
         K-1 quartics of one second each; for K = 2 one quintic.
@@ -164,11 +144,8 @@ def quartic_spline(joint_names: Sequence[str], waypoints: FloatArray) -> JointTr
     """Return the 4-3-...-3-4 spline through K >= 2 waypoints.
 
     Cubics with continuous velocity and acceleration; the first and the last segment are quartics,
-    so that the trajectory also starts and ends with zero acceleration.
-
-    Args:
-        joint_names: The n joints.
-        waypoints: Shape (K, n) [rad or m].
+    so that the trajectory also starts and ends with zero acceleration. Waypoints have shape (K, n)
+    [rad or m].
 
     Returns:
         K-1 polynomials of one second each; for K = 2 one quintic.

@@ -91,9 +91,7 @@ class Stage(ABC):
     def answer(self, certificate: Certificate, duration: float) -> bool:
         """Continue with samples where a certificate fails; return True if there is an answer.
 
-        Args:
-            certificate: Of the best trajectory, at its limits.
-            duration: Of that trajectory [s].
+        The certificate is of the best trajectory at its limits, of that duration [s].
         """
 
     @property
@@ -359,10 +357,7 @@ def limit_sensitivities(
 ) -> tuple[Sensitivity, ...]:
     """Return the cost of every limit, largest saving first.
 
-    Args:
-        problem: The planning problem.
-        refinement: The finished refinement.
-        duration: Of the answer [s].
+    The duration is the answer's [s].
     """
     tube, sensitivities = problem.tube, []
     for key, elasticity in refinement.elasticities().items():

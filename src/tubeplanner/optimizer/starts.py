@@ -40,12 +40,7 @@ def sufficient_start(
     """Return a spline along the branch with as many knots as its chains need.
 
     In a chain no switching time moves knots to bends of the path, and coarse knots would lead the
-    tool past whole segments.
-
-    Args:
-        problem: The planning problem.
-        branch: The arm along the reference path.
-        intervals: Least number of knot intervals, approximately.
+    tool past whole segments. It has at least about `intervals` knot intervals.
     """
     spline = starting_spline(problem, branch, intervals)
     for more in _INTERVALS:
@@ -61,12 +56,7 @@ def starting_spline(
 ) -> PhasedSpline:
     """Return a spline along the branch, with a minimum-jerk time course over all corners.
 
-    Its phases are the tube's chains.
-
-    Args:
-        problem: The planning problem.
-        branch: The arm along the reference path.
-        intervals: Number of knot intervals, approximately.
+    Its phases are the tube's chains. It has about `intervals` knot intervals.
     """
     q = np.concatenate(branch.segments)
     tool = problem.robot.tool_position(q)
@@ -114,12 +104,9 @@ def knot_grid(
 ) -> KnotGrid:
     """Return knots clustered at both ends of the spline, as Chebyshev points are.
 
-    There the arm starts from rest or stops, and its acceleration needs the finest steps.
-
-    Args:
-        switching_times: Ends of the phases, from 0 to 1, shape (P+1,).
-        intervals: Number of knot intervals in all, approximately.
-        runs: The segments of every phase; one each if not given.
+    There the arm starts from rest or stops, and its acceleration needs the finest steps. Switching
+    times are the ends of the phases, from 0 to 1, shape (P+1,); `runs` are the segments of every
+    phase, one each if not given.
     """
     angle = np.arccos(1 - 2 * switching_times)
     fractions, phases = [], len(switching_times) - 1
@@ -261,9 +248,7 @@ def _reached(
 def on_periodic_knots(spline: PhasedSpline, periods: int) -> PhasedSpline:
     """Return nearly the same spline, all knots at multiples of a period.
 
-    Args:
-        spline: The spline.
-        periods: Number of periods of its duration, at least its number of phases.
+    Its duration is a number of periods, at least its number of phases.
     """
     count = len(spline.switching_times)
     ends = np.round(spline.switching_times * periods).astype(int)

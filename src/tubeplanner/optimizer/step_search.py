@@ -123,8 +123,7 @@ class TrustRegion:
 def motion_unit(motions: Iterable[FloatArray]) -> float:
     """Return the unit of the trust radius [rad or m]: 1, or less if all joints hardly move.
 
-    Args:
-        motions: Control points of every spline, shape (K, n).
+    The control points of every spline have shape (K, n).
     """
     farthest = max(float(np.ptp(points, axis=0).max()) for points in motions)
     return min(farthest / _LARGE_MOTION, 1.0) or 1.0
@@ -177,10 +176,8 @@ class StepSearch:
     ) -> tuple[Step, ...] | None:
         """Return steps corrected for the curvature of the constraints; None without a solution.
 
-        Args:
-            steps: The first step of every leg.
-            trials: The iterate after it.
-            slack: Of every leg's rows there, by their numbers.
+        The iterates are those after the steps; the slack is of every leg's rows there, by their
+        numbers.
         """
         program = self._program
         if program is None:

@@ -205,11 +205,7 @@ def attempted_plan(
 ) -> PlanResult:
     """Return the result of the first attempt that has one.
 
-    Args:
-        problem: The planning problem.
-        last: The motion to begin with; None: planned afresh.
-        options: Options of planning; the time limit is the clock's.
-        clock: The planning's.
+    It begins with the last motion, if there is one.
 
     Raises:
         TimeLimitReached: Before there was a result; likewise KeyboardInterrupt.

@@ -107,12 +107,7 @@ class RefinedPlans:
     ) -> None:
         """Prepare the attempts; nothing is planned yet.
 
-        Args:
-            problem: The planning problem.
-            branches: The problem's branches, searched when needed.
-            options: The quality decides on starts and knots.
-            clock: The planning's.
-            after_step: Called after every step of refinement, before the clock's check.
+        `after_step` is called after every step of refinement, before the clock's check.
         """
         self._problem, self._branches, self._clock = problem, branches, clock
         self._quality, self._after_step = QUALITIES[options.quality], after_step
@@ -206,14 +201,7 @@ def _inner_problems(
 
 @dataclass(frozen=True, eq=False)
 class _Start:
-    """A start of refinement.
-
-    Attributes:
-        branch: The branch that the spline follows.
-        spline: The spline.
-        divisions: Numbers of parts of successive divisions of the knot intervals.
-        widens: As in `Refinement`.
-    """
+    """A start of refinement along a branch; divisions and widening are as in `Refinement`."""
 
     branch: ReferenceBranch
     spline: PhasedSpline
@@ -278,7 +266,6 @@ def _starts_from(
 
 
 def _is_widened(problem: PlanningProblem, spline: PhasedSpline) -> bool:
-    """Return True if a start's coarse knots get a wider tube than the problem's."""
     widened = widened_radius(problem.tube, spline.grid)
     return bool((widened > problem.tube.effective_radius).any())
 
@@ -312,13 +299,7 @@ def entered(
 ) -> Callable[[float], None]:
     """Enter the stage of refinement to a number of knots; return the checkpoint of its steps.
 
-    Args:
-        knots: Number of knots, for the stage's name.
-        clock: The planning's.
-        after_step: Called after every step; stages that it announces end with it.
-
-    Raises:
-        TimeLimitReached: Before the stage began.
+    `after_step` is called after every step; stages that it announces end with it.
     """
     stage = f"refinement to {knots} knots"
     clock.enter(stage)
@@ -356,14 +337,9 @@ _MAX_STEPS = 25
 def continued_plan(
     problem: PlanningProblem, last: RefinedMotion, clock: PlanningClock
 ) -> PlanResult | None:
-    """Return a certified trajectory by refinement of the last motion.
+    """Return a certified trajectory by refinement of the last motion; None: to be planned afresh.
 
-    Returns:
-        None if there is no trajectory, and the problem is to be planned afresh. After Ctrl-C or the
-        time limit, the best so far, or the result that nothing is certified.
-
-    Raises:
-        TimeLimitReached: Before refinement began; likewise KeyboardInterrupt.
+    After Ctrl-C or the time limit, the best so far, or the result that nothing is certified.
     """
     inner = last.suited(problem)
     if inner is None:
@@ -398,11 +374,7 @@ def narrowed_plan(
 ) -> PlanResult | None:
     """Return the certified motion by refinement of a motion in a narrower tube.
 
-    Returns:
-        None if there is no motion, or start or goal lie outside of narrower tubes.
-
-    Raises:
-        TimeLimitReached: Before there was a motion; likewise KeyboardInterrupt.
+    None if there is no motion, or start or goal lie outside of narrower tubes.
     """
     for ratio in _NARROWER:
         with suppress(ProblemError, Infeasible):  # start or goal outside, or no motion
@@ -423,6 +395,5 @@ def narrowed_plan(
 def _widened(
     problem: PlanningProblem, start: PhasedSpline, clock: PlanningClock
 ) -> PlanResult | None:
-    """Return the result of refinement in the whole tube, from a motion in a narrower tube."""
     refinement = Refinement(problem, start, None, entered(start.grid.interval_count, clock))
     return certified_refinement(problem, refinement, clock)

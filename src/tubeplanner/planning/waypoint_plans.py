@@ -50,13 +50,8 @@ def resting_plan(
 ) -> PlanResult | None:
     """Return the certified rest at the start, if the arm may end where it begins; else None.
 
-    A tube that leads out and home is no such problem: the certificate finds the arm nowhere else.
-
-    Args:
-        problem: The planning problem.
-        ends: Configurations of the start and of a given goal, shape (1 or 2, n).
-        method: The method that the result names.
-        clock: The planning's.
+    `ends` are the configurations of the start and of a given goal, shape (1 or 2, n). A tube that
+    leads out and home is no such problem: the certificate finds the arm nowhere else.
     """
     region = problem.open_goal
     if region is None:
@@ -97,14 +92,8 @@ def stopping_plan(
 ) -> StoppingPlan:
     """Return the first certified trajectory with stops at corners, or a refusal.
 
-    A refusal has the reason of one rule for redundant joints, AS_NEEDED if every rule is tried;
-    branch and trajectory are the first ones.
-
-    Args:
-        problem: The planning problem.
-        branches: The problem's branches.
-        clock: The planning's.
-        every_rule: True: all rules in turn; False: the most natural one alone.
+    Rules for redundant joints are tried in turn, or the most natural one alone. A refusal has the
+    reason of that rule, AS_NEEDED if every rule is tried; branch and trajectory are the first ones.
     """
     reasons: dict[RedundancyRule, PlanResult] = {}
     first_branch = first_trajectory = None
@@ -189,10 +178,7 @@ def run_search(
 ) -> StoppedBy | None:
     """Search until no node is better or the budget is used; return the cause of an earlier stop.
 
-    Args:
-        search: The search; its best trajectory is the answer.
-        known: Duration of the best trajectory before the search [s].
-        clock: Announces the statistics of the search.
+    `known` is the duration of the best trajectory before the search [s].
     """
 
     def work() -> None:
@@ -215,9 +201,6 @@ def suh_bishop_plan(
     """Return the result of both phases, or the refusal of phase 1.
 
     Tries rules for redundant joints in turn until phase 1 has a certified trajectory.
-
-    Raises:
-        TimeLimitReached: Before there was a result; likewise KeyboardInterrupt.
     """
     reasons = []
     for rule in redundancy_rules(problem):
@@ -234,12 +217,6 @@ def suh_bishop_plan(
 def _along(
     problem: PlanningProblem, branch: ReferenceBranch, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
-    """Return the result of both phases along a branch.
-
-    Raises:
-        Infeasible: Nothing is to be moved, or gravity is too strong for phase 1's trajectories.
-        TimeLimitReached: Before phase 1 began.
-    """
     if not branch.moving_segments:
         message = "the start is the goal: there is nothing to move"
         raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
