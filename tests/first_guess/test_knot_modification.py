@@ -18,9 +18,9 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.first_guess.knot_modification import (
+    DirectionSearch,
     KnotModification,
     ModificationOptions,
-    best_direction,
     feasible_trajectory,
     unit_response,
 )
@@ -37,14 +37,11 @@ def through_knots(problem, count, construction=sequential_quartics):
 
 
 def searched(problem, candidate, budget=10_000, step=STEP):
-    return best_direction(
-        problem,
-        candidate,
-        np.full(problem.robot.joint_count, step),
-        LinkClearance(problem, candidate.knots),
-        upper_bound=candidate.duration,
-        node_budget=budget,
-    )
+    increments = np.full(problem.robot.joint_count, step)
+    clearance = LinkClearance(problem, candidate.knots)
+    search = DirectionSearch(problem, candidate, increments, clearance, candidate.duration)
+    search.run(budget)
+    return search
 
 
 def every_direction(problem, candidate):
@@ -89,7 +86,7 @@ def test_it_finds_what_trying_every_direction_finds(make, count, two_link):
     direction, best = searched(problem, candidate), every_direction(problem, candidate)
     assert direction.proved
     assert best is not candidate
-    np.testing.assert_array_equal(direction.candidate.knots, best.knots)
+    np.testing.assert_array_equal(direction.best.knots, best.knots)
     assert direction.nodes <= 5 ** (count - 2)
 
 
@@ -97,7 +94,7 @@ def test_a_spline_s_direction_is_faster_and_at_most_the_best(two_link):
     """Segments of a spline depend on knots not yet chosen: the best may be lost."""
     problem = problem_of(two_link)
     candidate = through_knots(problem, 4, quartic_spline)
-    found, best = searched(problem, candidate).candidate, every_direction(problem, candidate)
+    found, best = searched(problem, candidate).best, every_direction(problem, candidate)
     assert best.duration <= found.duration < candidate.duration
     assert found.duration == pytest.approx(best.duration, rel=0.01)
 
@@ -106,7 +103,7 @@ def test_the_budget_ends_a_search_with_a_direction_that_is_not_proved(two_link):
     problem = corner(two_link)
     candidate = through_knots(problem, 8)
     early = searched(problem, candidate, budget=1)
-    assert early.candidate.duration < candidate.duration
+    assert early.best.duration < candidate.duration
     assert not early.proved
     assert early.nodes <= 7 * 60  # one sweep
 
@@ -114,7 +111,7 @@ def test_the_budget_ends_a_search_with_a_direction_that_is_not_proved(two_link):
 def test_where_no_knot_may_move_there_is_no_direction(two_link):
     problem = tight(two_link)
     direction = searched(problem, through_knots(problem, 5), step=1.5)
-    assert (direction.candidate, direction.proved) == (None, True)
+    assert (direction.best, direction.proved) == (None, True)
 
 
 @pytest.mark.parametrize("construction", [sequential_quartics, quartic_spline])

@@ -116,21 +116,6 @@ _SEGMENTS_PER_DEPTH, _TRAJECTORIES_PER_SWEEP = 300, 8
 
 
 @dataclass(frozen=True, eq=False)
-class Direction:
-    """The result of a search for the best direction.
-
-    Attributes:
-        candidate: The trajectory with knots moved along it; None if no direction is faster.
-        nodes: Nodes expanded.
-        proved: True if every other direction was ruled out, False if the node budget was reached.
-    """
-
-    candidate: KnotTrajectory | None
-    nodes: int
-    proved: bool
-
-
-@dataclass(frozen=True, eq=False)
 class _Open:
     """P open nodes of one depth, the most promising first.
 
@@ -158,27 +143,14 @@ class _Open:
         return both.where(np.argsort(both.bound, kind="stable"))
 
 
-def best_direction(
-    problem: PlanningProblem,
-    candidate: KnotTrajectory,
-    increments: FloatArray,
-    clearance: LinkClearance,
-    *,
-    upper_bound: float,
-    node_budget: int,
-) -> Direction:
-    """Return the direction of all knots that makes a trajectory fastest.
+class DirectionSearch:
+    """The search for the direction of all knots that makes a trajectory fastest.
 
-    A knot moves by an increment along an axis (n,) [rad or m]. Only directions to a duration below
-    the upper bound are of interest [s]; the search ends at about the node budget.
+    Attributes:
+        best: The trajectory with knots moved along it; None if no direction is faster so far.
+        nodes: Nodes expanded.
     """
-    search = _Search(problem, candidate, increments, clearance, upper_bound)
-    while not search.finished and search.nodes < node_budget:
-        search.sweep()
-    return Direction(search.best, search.nodes, search.finished)
 
-
-class _Search:
     def __init__(
         self,
         problem: PlanningProblem,
@@ -187,6 +159,11 @@ class _Search:
         clearance: LinkClearance,
         upper_bound: float,
     ) -> None:
+        """Prepare a search from a trajectory through K >= 3 knots.
+
+        A knot moves by an increment along an axis, (n,) [rad or m]. The clearance is around the
+        knots; only directions to a duration below the upper bound are of interest [s].
+        """
         count, n = candidate.knots.shape
         self.best: KnotTrajectory | None = None
         self.nodes = 0
@@ -216,14 +193,19 @@ class _Search:
         nodes = nodes.where(self._rules.free_waypoints[count : 2 * count])
         self._open[1] = self._completed(nodes) if self._last == 2 else nodes
 
+    def run(self, node_budget: int) -> None:
+        """Search until every other direction is ruled out, or the budget is used, about."""
+        while not self.proved and self.nodes < node_budget:
+            self._sweep()
+
     @property
-    def finished(self) -> bool:
+    def proved(self) -> bool:
         """True if no open node can lead to a better direction."""
         return not any(
             len(nodes) > 0 and nodes.bound[0] < self._upper_bound for nodes in self._open[1:]
         )
 
-    def sweep(self) -> None:
+    def _sweep(self) -> None:
         """Expand the most promising nodes of every depth and judge the best complete directions."""
         for depth in range(1, self._last - 1):
             nodes = self._popped(depth, _SEGMENTS_PER_DEPTH // len(self._moves))
@@ -259,7 +241,7 @@ class _Search:
         return nodes.where(slice(count))
 
     def _completed(self, nodes: _Open) -> _Open:
-        """Return the nodes whose last two segments, to the goal, pass the rules too."""
+        # The last two segments, to the goal, pass the rules too.
         return self._tested(nodes, self._last, 2)
 
     def _tested(self, nodes: _Open, aim: int, new: int) -> _Open:
@@ -374,21 +356,16 @@ class KnotModification:
                 checkpoint()
                 candidate, options = self.candidates[-1], self._options
                 clearance = LinkClearance(self._problem, candidate.knots)
-                direction = best_direction(
-                    self._problem,
-                    candidate,
-                    increments,
-                    clearance,
-                    upper_bound=candidate.duration * (1 - options.min_gain),
-                    node_budget=options.direction_nodes,
-                )
-                self.nodes += direction.nodes
+                least = candidate.duration * (1 - options.min_gain)
+                search = DirectionSearch(self._problem, candidate, increments, clearance, least)
+                search.run(options.direction_nodes)
+                self.nodes += search.nodes
                 self.directions += 1
-                self.proved += direction.proved
-                if direction.candidate is None:
+                self.proved += search.proved
+                if search.best is None:
                     break
                 # Steps along the direction grow while they help.
-                best, length = direction.candidate, 1.0
+                best, length = search.best, 1.0
                 change = best.knots - candidate.knots
                 while True:
                     length *= options.growth
