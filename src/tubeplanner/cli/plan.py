@@ -3,8 +3,8 @@
 Figures and pages are imported only on request: they load parts of SciPy that plans do not need.
 """
 
-from dataclasses import dataclass, replace
-from functools import cache
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,25 +15,24 @@ from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import cycle_plan_text, plan_text
 from tubeplanner.errors import OptionError
 from tubeplanner.limits.peaks import peaks_as_dict, trajectory_peaks
-from tubeplanner.output.figures.figure_files import figure_file, require_figure
-from tubeplanner.output.files.trajectory_writer import (
-    TrajectoryFiles,
-    cycle_contents,
-    require_no_formula,
-)
+from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
+from tubeplanner.output.files.trajectory_writer import FORMATS, ExportedMotion, require_rate
 from tubeplanner.planning.options import METHODS, PlanOptions
 from tubeplanner.planning.strategy import plan as plan_problem
 from tubeplanner.planning.strategy import plan_cycle
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.writing import require_writable
+from tubeplanner.task.motion import ProblemMotion
+
+
+def _format_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    for each in reversed(FORMATS):
+        command = click.option(*each.options, type=console.PATH, help=each.help)(command)
+    return command
 
 
 @click.command()
 @click.argument("problem")
-@click.option("-o", "--output", type=console.PATH, help="Trajectory file (JSON).")
-@click.option("--csv", type=console.PATH, help="Write samples (CSV).")
-@click.option("--ros", type=console.PATH, help="Write samples (trajectory_msgs/JointTrajectory).")
+@_format_options
 @click.option("--rate", type=float, help="Sampling rate [Hz] [default: 1/period, or 500].")
 @click.option("--plot", type=console.PATH, help="Draw the figure (PNG, PDF or SVG).")
 @click.option(
@@ -50,9 +49,6 @@ from tubeplanner.writing import require_writable
 @console.AS_JSON
 def plan(
     problem: str,
-    output: Path | None,
-    csv: Path | None,
-    ros: Path | None,
     rate: float | None,
     plot: Path | None,
     html: Path | None,
@@ -63,20 +59,27 @@ def plan(
     time_left: bool,
     changes: dict[str, Any],
     as_json: bool,
+    **paths: Path | None,
 ) -> int:
     """Plan PROBLEM, or a cycle, certify the trajectory, and write the requested files.
 
     No file is written unless the certificate passes.
     """
     options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit, slack=slack)
-    outputs = PlanOutputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
-    outputs.require_usable(problem)
+    require_rate(rate)
+    formats = [each for each in FORMATS if paths[each.parameter] is not None]
+    files = console.OutputFiles(
+        *(console.Request(each.kind, paths[each.parameter], each.example) for each in FORMATS),
+        console.Request("plot", plot, "--plot", FIGURE_ENDINGS),
+        console.Request("view", html, "--html", console.PAGE_ENDINGS),
+        inputs=[problem],
+    )
     interrupted = False
     with console.shown_progress() as enter:
         loaded, loading_time = console.load_either_timed(problem, enter, changes)
-        outputs.require_usable(problem, loaded.robot.urdf.path)
-        if csv is not None:
-            require_no_formula(loaded.robot.joint_names)
+        files.spare([loaded.robot.urdf.path])
+        for each in formats:
+            each.require_names(loaded.robot.joint_names)
         if isinstance(loaded, Cycle) and time_left:
             raise OptionError(
                 "--time-left is about the path of one motion, and a cycle has several; leave it "
@@ -86,7 +89,7 @@ def plan(
         result = plan_either(loaded, options, enter)
         if result.succeeded:
             held = hold_interrupts()
-            result = outputs.written(loaded, result)
+            result = _written(files, loaded, result, rate)
             interrupted = bool(held)
     if as_json:
         fields = result.as_dict()
@@ -103,79 +106,32 @@ def plan(
         else:
             text = plan_text(loaded, result, loading_time, with_minimum=time_left)
         console.say(text)
-        for kind, path in outputs.paths() if result.succeeded else ():
-            if console.unless_failed(path):
-                console.say(f"{kind}: {path}")
-        if result.succeeded and not outputs.paths():
-            console.say_unwritten("-o T.json", "--csv", "--ros", "--plot", "--html")
+        if result.succeeded:
+            files.say()
     return console.SUCCESS if result.succeeded else console.INFEASIBLE
 
 
-@dataclass(frozen=True)
-class PlanOutputs:
-    """The output files of a plan.
+def _written(files: console.OutputFiles, loaded: Task, result: Any, rate: float | None) -> Any:
+    """Write the files of an answer; return the answer with notes on the samples."""
+    is_cycle = isinstance(loaded, Cycle)
+    motion = result.motion if is_cycle else ProblemMotion(loaded, result.trajectory)
+    exported = ExportedMotion(motion, result.method, rate)
 
-    Attributes:
-        files: With the trajectory.
-        plot: With a figure (PNG, PDF or SVG); None: none.
-        html: With a page; None: none.
-    """
+    def figure(path: Path) -> bytes:
+        from tubeplanner.output.figures.trajectory_figures import plot_motion
 
-    files: TrajectoryFiles
-    plot: Path | None
-    html: Path | None
+        return figure_file(plot_motion(motion), path)
 
-    def paths(self) -> list[tuple[str, Path]]:
-        """Return the requested files: kind and path."""
-        files = self.files
-        kinds = ("trajectory", "CSV", "ROS", "plot", "view")
-        paths = zip(kinds, (files.json, files.csv, files.ros, self.plot, self.html), strict=True)
-        return [(kind, path) for kind, path in paths if path is not None]
+    def page(_: Path) -> bytes:
+        from tubeplanner.output.page.viewer import view_motions
 
-    def require_usable(self, *inputs: str | Path) -> None:
-        """Raise if a file cannot be written, before any work is done."""
-        require_figure(self.plot, "--plot")
-        console.require_ending(self.html, "--html", console.PAGE_ENDINGS)
-        require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
+        judged = {"certificates": [result.certificate], "sensitivities": result.sensitivities}
+        return view_motions(loaded, {"planned motion": motion}, **judged).html.encode()
 
-    def written(self, loaded: PlanningProblem | Cycle, result: Any) -> Any:
-        """Write the files of an answer; return the answer with notes on the samples."""
-        notes: list[str] = []
+    texts = {each.kind: partial(_content, each, exported) for each in FORMATS}
+    files.write({**texts, "plot": figure, "view": page})
+    return replace(result, notes=(*result.notes, *exported.notes))
 
-        def contents(files: TrajectoryFiles) -> tuple[dict[Path, bytes], tuple[str, ...]]:
-            if isinstance(loaded, Cycle):
-                return cycle_contents(files, result.motion, result.method)
-            return files.contents(result.trajectory, loaded, result.method)
 
-        @cache
-        def samples() -> dict[Path, bytes]:
-            texts, more = contents(replace(self.files, json=None))
-            notes.extend(more)
-            return texts
-
-        def figure(path: Path) -> bytes:
-            from tubeplanner.output.figures.trajectory_figures import plot_cycle, plot_trajectory
-
-            if isinstance(loaded, Cycle):
-                return figure_file(plot_cycle(loaded, result.motion), path)
-            return figure_file(plot_trajectory(loaded, result.trajectory), path)
-
-        def page(_: Path) -> bytes:
-            from tubeplanner.output.page.cycle_page import view_cycle
-            from tubeplanner.output.page.viewer import view
-
-            judged = {"certificates": [result.certificate], "sensitivities": result.sensitivities}
-            name = ["planned motion"]
-            if isinstance(loaded, Cycle):
-                return view_cycle(loaded, [result.motion], name, **judged).html.encode()
-            return view(loaded, result.trajectory, names=name, **judged).html.encode()
-
-        own = replace(self.files, csv=None, ros=None)
-        console.write_answer(
-            console.Output("trajectory", self.files.json, lambda path: contents(own)[0][path]),
-            console.Output("CSV", self.files.csv, lambda path: samples()[path]),
-            console.Output("ROS", self.files.ros, lambda path: samples()[path]),
-            console.Output("plot", self.plot, figure),
-            console.Output("view", self.html, page),
-        )
-        return replace(result, notes=(*result.notes, *notes))
+def _content(kind: Format, exported: ExportedMotion, _: Path) -> bytes:
+    return kind.text(exported).encode()

@@ -13,7 +13,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.errors import FormerName, ProblemError, TrajectoryError
 from tubeplanner.outcome import Location
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.legs import Leg
+from tubeplanner.task.legs import Leg, Stop
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory
@@ -75,6 +75,21 @@ class ProblemMotion:
     def sections(self) -> tuple[MotionSection, ...]:
         """The whole motion."""
         return (MotionSection(self.task, self.trajectory),)
+
+    @property
+    def ended_sections(self) -> tuple[MotionSection, ...]:
+        """The whole motion."""
+        return self.sections
+
+    @property
+    def junctions(self) -> list[FloatArray]:
+        """Configurations (n,) at the start and at the end."""
+        return [self.trajectory.position(time) for time in (0.0, self.trajectory.duration)]
+
+    @property
+    def stops(self) -> tuple[Stop, ...]:
+        """The rests before and after the motion, without steps."""
+        return (Stop((), (self.task.robot,)),) * 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +201,23 @@ class CycleMotion:
                 problem = self.cycle.problem_from_anywhere(k)
             sections.append(MotionSection(problem, trajectory, self.leg_times[k][0], leg))
         return tuple(sections)
+
+    @cached_property
+    def ended_sections(self) -> tuple[MotionSection, ...]:
+        """The legs, each under its problem from junction to junction.
+
+        Raises:
+            ProblemError: A leg begins or ends where its problem does not allow it.
+        """
+        problems = self.cycle.problems(self.junctions)
+        begins = [begin for begin, _ in self.leg_times]
+        rows = zip(problems, self.legs, begins, self.cycle.legs, strict=True)
+        return tuple(MotionSection(*row) for row in rows)
+
+    @property
+    def stops(self) -> tuple[Stop, ...]:
+        """The rest before each leg, and the rest after the last leg."""
+        return (*(leg.before for leg in self.cycle.legs), self.cycle.after)
 
     def leg_at(self, time: float) -> int:
         """Return the index of the last leg that has begun at a time [s]; 0 before the first."""

@@ -23,24 +23,26 @@ from tubeplanner.robot.motors import JointMotors
 from tubeplanner.robot.overrides import QUANTITIES
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose
+from tubeplanner.task.motion import Task
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Event
 
 
-def origin(problem: PlanningProblem, method: str | None = None) -> dict[str, Any]:
+def origin(task: Task, method: str | None = None) -> dict[str, Any]:
     """Return the origin that a trajectory file states, as JSON values.
 
     Args:
-        problem: The planning problem.
+        task: The problem or the cycle.
         method: Method of planning; None: not known, and not stated.
     """
+    is_cycle = isinstance(task, Cycle)
     return {
         **({} if method is None else {"method": method}),
         "tubeplanner_version": __version__,
-        "problem": problem.name,
-        "problem_hash": problem_hash(problem),
-        "robot_hash": robot_hash(problem.robot),
-        "part_hashes": part_hashes(problem),
+        "problem": task.name,
+        "problem_hash": cycle_hash(task) if is_cycle else problem_hash(task),
+        "robot_hash": robot_hash(task.robot),
+        "part_hashes": cycle_part_hashes(task) if is_cycle else part_hashes(task),
     }
 
 

@@ -22,7 +22,7 @@ from tubeplanner.limits.motor_costs import motor_effort
 from tubeplanner.limits.time_scaling import minimum_duration
 from tubeplanner.outcome import Infeasible
 from tubeplanner.task.legs import Stop
-from tubeplanner.task.motion import CycleMotion
+from tubeplanner.task.motion import Motion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Event
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples, averaged
@@ -150,50 +150,52 @@ def _joined(trajectory: JointTrajectory, samples: TrajectorySamples) -> JointTra
     return joined_samples(trajectory.joint_names, samples.time, rows)
 
 
-# ---- Samples of the motion of a cycle: legs in turn, and the rests between legs.
+# ---- Samples of a motion: sections in turn, and the rests between sections.
 
 
 @dataclass(frozen=True, eq=False)
-class CycleSamples:
-    """Samples of all legs of a motion.
+class MotionSamples:
+    """Samples of all sections of a motion.
 
     Attributes:
         motion: The motion.
-        legs: Samples of each leg, from time zero.
+        sections: Samples of each section, from time zero.
         rate: [Hz].
     """
 
-    motion: CycleMotion
-    legs: tuple[ExportSamples, ...]
+    motion: Motion
+    sections: tuple[ExportSamples, ...]
     rate: float
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Differences of samples to the motion, and begins of moves if they are later."""
+        names = [", ".join(section.names) for section in self.motion.ended_sections]
+        named = [f"move '{name}': " if self.motion.marks else "" for name in names]
         notes = [
-            f"move '{leg.name}': {sampled.note}"
-            for leg, sampled in zip(self.motion.cycle.legs, self.legs, strict=True)
+            f"{name}{sampled.note}"
+            for name, sampled in zip(named, self.sections, strict=True)
             if sampled.note is not None
         ]
-        begins, marked = self.begins, [begin for begin, _ in self.motion.leg_times]
-        if not np.allclose(begins, marked, rtol=0, atol=1e-9):
-            names = [leg.name for leg in self.motion.cycle.legs]
+        begins = self.begins
+        planned = [section.begin for section in self.motion.ended_sections]
+        if not np.allclose(begins, planned, rtol=0, atol=1e-9):
             listed = ", ".join(f"{n} at {t:.4f} s" for n, t in zip(names, begins, strict=True))
             notes.append(f"in CSV, moves begin later than in the trajectory: {listed}")
         return tuple(notes)
 
     @property
     def begins(self) -> list[float]:
-        """Begin of each leg in the motion of the samples [s]."""
-        cycle, time, result = self.motion.cycle, 0.0, []
-        for k, sampled in enumerate(self.legs):
-            time += cycle.stop_at(k).duration
+        """Begin of each section in the motion of the samples [s]."""
+        time, result = 0.0, []
+        for stop, sampled in zip(self.motion.stops, self.sections, strict=False):
+            time += stop.duration
             result.append(time)
             time += float(sampled.samples.time[-1])
         return result
 
     def whole(self) -> tuple[TrajectorySamples, FloatArray]:
-        """Return samples of legs and rests, and motor efforts, shape (N, n) [N m or N].
+        """Return samples of sections and rests, and motor efforts, shape (N, n) [N m or N].
 
         At the instant at which the tool takes or releases a part, efforts are those after it.
         """
@@ -208,14 +210,14 @@ class CycleSamples:
         return TrajectorySamples(table[:, 0], position, velocity, acceleration), effort
 
     def _parts(self) -> Iterator[tuple[TrajectorySamples, FloatArray]]:
-        """Yield samples of every leg and dwell, from time zero, and efforts (N, n)."""
-        motion = self.motion
-        cycle, junctions = motion.cycle, motion.junctions
-        for k, trajectory in enumerate(motion.legs):
-            yield from self._dwells(cycle.legs[k].before, junctions[k])
-            samples = self.legs[k].samples
-            yield samples, motor_effort(cycle.legs[k].robot, trajectory, samples)
-        yield from self._dwells(cycle.after, junctions[-1])
+        """Yield samples of every section and dwell, from time zero, and efforts (N, n)."""
+        rests = list(zip(self.motion.stops, self.motion.junctions, strict=True))
+        sections = zip(self.motion.ended_sections, self.sections, strict=True)
+        for rest, (section, sampled) in zip(rests, sections, strict=False):
+            yield from self._dwells(*rest)
+            robot, samples = section.problem.robot, sampled.samples
+            yield samples, motor_effort(robot, section.trajectory, samples)
+        yield from self._dwells(*rests[-1])
 
     def _dwells(self, stop: Stop, q: FloatArray) -> Iterator[tuple[TrajectorySamples, FloatArray]]:
         """Yield samples and efforts of every dwell of a rest in a configuration (n,)."""
@@ -225,8 +227,8 @@ class CycleSamples:
                 yield samples, arm.gravity_effort(samples.position)
 
 
-def cycle_samples(motion: CycleMotion, rate: float) -> CycleSamples:
-    """Return samples of a motion's legs that keep their limits when joined.
+def motion_samples(motion: Motion, rate: float) -> MotionSamples:
+    """Return samples of a motion's sections that keep their limits when joined.
 
     Args:
         motion: A certified answer.
@@ -235,6 +237,5 @@ def cycle_samples(motion: CycleMotion, rate: float) -> CycleSamples:
     Raises:
         TrajectoryError: The rate is not positive, or makes too many samples.
     """
-    problems = motion.cycle.problems(motion.junctions)
-    legs = zip(problems, motion.legs, strict=True)
-    return CycleSamples(motion, tuple(samples_for_export(*leg, rate) for leg in legs), rate)
+    sections = [(each.problem, each.trajectory) for each in motion.ended_sections]
+    return MotionSamples(motion, tuple(samples_for_export(*each, rate) for each in sections), rate)

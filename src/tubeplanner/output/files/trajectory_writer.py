@@ -1,117 +1,107 @@
-"""Trajectories and cycles written as JSON, CSV or ROS messages."""
+"""Motions written as JSON, CSV or ROS messages: the table of formats."""
 
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tubeplanner import __version__
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import require_between
 from tubeplanner.errors import OptionError, OutputError, shown
-from tubeplanner.limits.motor_costs import motor_effort
-from tubeplanner.output.files.fingerprint import cycle_hash, cycle_part_hashes, origin, robot_hash
-from tubeplanner.output.files.samples import CycleSamples, cycle_samples, samples_for_export
+from tubeplanner.output.files.fingerprint import origin
+from tubeplanner.output.files.samples import MotionSamples, motion_samples
 from tubeplanner.task.legs import stop_text
-from tubeplanner.task.motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion, Motion, ProblemMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import FORMULA_BEGINS
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.trajectory.reader import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
 from tubeplanner.writing import require_writable, write_files
 
-# ---- Files of a trajectory.
+# ---- Files of a motion.
 
 _RATE = 500.0  # [Hz]
-_FORMATS = {".json": "json", ".csv": "csv", ".yaml": "ros", ".yml": "ros"}
 
 
-@dataclass(frozen=True)
-class TrajectoryFiles:
-    """Output files of a trajectory; None for a format without a file.
+def require_rate(rate: float | None) -> None:
+    """Raise OptionError unless a rate of samples [Hz], if any, is positive and finite."""
+    if rate is not None:
+        require_between(SimpleNamespace(rate=rate), 0, inf, "rate", unit="Hz")
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedMotion:
+    """A motion for files, which share its samples.
 
     Attributes:
-        json: The trajectory itself.
-        csv: Its samples.
-        ros: Its samples as trajectory_msgs/JointTrajectory, in YAML.
-        rate: Of the samples [Hz]; None: a sample per period of the problem's controller, 500 Hz
-            without a period.
+        motion: Of a problem or a cycle: efforts, and samples that keep the limits when joined; a
+            trajectory alone has neither.
+        method: Method of planning, for the JSON; None: not known.
+        rate: Of the samples [Hz]; None: a sample per period of the controller, 500 Hz without a
+            period.
 
     Raises:
-        OptionError: On construction, if the rate is not positive and finite.
+        TrajectoryError: When samples are first needed, if the rate makes too many.
     """
 
-    json: Path | None = None
-    csv: Path | None = None
-    ros: Path | None = None
+    motion: Motion | JointTrajectory
+    method: str | None = None
     rate: float | None = None
 
-    def __post_init__(self) -> None:
-        if self.rate is not None:
-            require_between(self, 0, inf, "rate", unit="Hz")
+    @property
+    def trajectory(self) -> JointTrajectory:
+        """The whole motion."""
+        is_alone = isinstance(self.motion, JointTrajectory)
+        return self.motion if is_alone else self.motion.trajectory
 
-    def contents(
-        self,
-        trajectory: JointTrajectory,
-        problem: PlanningProblem | None = None,
-        method: str | None = None,
-    ) -> tuple[dict[Path, bytes], tuple[str, ...]]:
-        """Return the contents of the files, and notes about samples.
+    @cached_property
+    def samples(self) -> MotionSamples | TrajectorySamples:
+        """Samples of the motion or of the trajectory alone."""
+        if isinstance(self.motion, JointTrajectory):
+            return self.motion.sample(self.rate or _RATE)
+        period = self.motion.task.period
+        return motion_samples(self.motion, self.rate or (_RATE if period is None else 1 / period))
 
-        Args:
-            trajectory: The trajectory; with a problem, of its joints, in their order.
-            problem: For hashes, efforts, and samples that keep the limits when joined; None: none
-                of these.
-            method: Method of planning, for the JSON.
-
-        Raises:
-            TrajectoryError: The rate makes too many samples.
-        """
-        texts: dict[Path, str] = {}
-        notes: tuple[str, ...] = ()
-        if self.json is not None:
-            more = {} if problem is None else origin(problem, method)
-            texts[self.json] = trajectory_json(trajectory, **more)
-        if self.csv is not None or self.ros is not None:
-            rate = self.sample_rate(None if problem is None else problem.period)
-            if problem is None:
-                samples = trajectory.sample(rate)
-            else:
-                exported = samples_for_export(problem, trajectory, rate)
-                samples = exported.samples
-                notes = () if exported.note is None else (exported.note,)
-        names = trajectory.joint_names
-        if self.csv is not None:
-            effort = None if problem is None else motor_effort(problem.robot, trajectory, samples)
-            texts[self.csv] = trajectory_csv(names, samples, effort)
-        if self.ros is not None:
-            texts[self.ros] = trajectory_ros(names, samples, *notes)
-        return {path: text.encode() for path, text in texts.items()}, notes
-
-    def sample_rate(self, period: float | None) -> float:
-        """Return the rate of the samples [Hz], for a controller's period [s] or None."""
-        return self.rate or (_RATE if period is None else 1 / period)
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on the samples, if samples were needed."""
+        samples = vars(self).get("samples")
+        return samples.notes if isinstance(samples, MotionSamples) else ()
 
 
-def files_at(path: str | Path, rate: float | None = None) -> TrajectoryFiles:
-    """Return the file at a path, in the format of its ending.
+class Format(NamedTuple):
+    """A format of motions.
 
-    Raises:
-        OutputError: There is no such format.
-        OptionError: As `TrajectoryFiles`.
+    Attributes:
+        kind: Noun for a file of it.
+        options: Of `plan`.
+        example: An option with a value.
+        help: Of the options.
+        endings: By which `JointTrajectory.save` chooses the format.
+        text: Function from a motion to the content of a file.
+        require_names: Function that raises if the format cannot hold the names of joints.
     """
-    path = Path(path)
-    if path.suffix.lower() not in _FORMATS:
-        raise OutputError(
-            f"output {path}: the suffix chooses the format; there is: {', '.join(_FORMATS)}"
-        )
-    return TrajectoryFiles(**{_FORMATS[path.suffix.lower()]: path}, rate=rate)
+
+    kind: str
+    options: tuple[str, ...]
+    example: str
+    help: str
+    endings: tuple[str, ...]
+    text: Callable[[ExportedMotion], str]
+    require_names: Callable[[Sequence[str]], None] = lambda names: None
+
+    @property
+    def parameter(self) -> str:
+        """Name of the options' value in a command."""
+        return self.options[-1].removeprefix("--")
 
 
 def write_trajectory(
@@ -125,18 +115,11 @@ def write_trajectory(
     Returns:
         Notes about the samples.
     """
-    path, files = Path(path), files_at(path, rate)
-    require_writable([path])
-    if problem is not None:
-        if not isinstance(problem, PlanningProblem):
-            raise OptionError(f"problem is {problem!r}; it must be PlanningProblem")
-        trajectory = trajectory.reordered(problem.robot.joint_names)
-    contents, notes = files.contents(trajectory, problem)
-    write_files(contents)
-    return notes
-
-
-# ---- Files of the motion of a cycle.
+    if problem is None:
+        return _write(path, trajectory, rate)
+    if not isinstance(problem, PlanningProblem):
+        raise OptionError(f"problem is {problem!r}; it must be PlanningProblem")
+    return _write(path, ProblemMotion(problem, trajectory), rate)
 
 
 def write_cycle_motion(
@@ -158,76 +141,65 @@ def write_cycle_motion(
         OptionError: The rate is not positive and finite.
         TrajectoryError: The rate makes too many samples.
     """
-    files = files_at(path, rate)
-    require_writable([Path(path)])
-    contents, notes = cycle_contents(files, motion, None)
-    write_files(contents)
-    return notes
+    return _write(path, motion, rate)
 
 
-def cycle_contents(
-    files: TrajectoryFiles, motion: CycleMotion, method: str | None
-) -> tuple[dict[Path, bytes], tuple[str, ...]]:
-    """Return the contents of the files of a cycle's motion, and notes about samples.
-
-    The JSON has the whole motion, with marks. CSV has samples of legs and rests, and efforts with
-    the parts carried at the time. ROS has a message for every leg, as YAML documents.
-
-    Args:
-        files: The files.
-        motion: A certified answer.
-        method: Method of planning, for the JSON; None: not known.
-
-    Raises:
-        TrajectoryError: The rate makes too many samples.
-    """
-    texts: dict[Path, str] = {}
-    notes: tuple[str, ...] = ()
-    if files.json is not None:
-        marks = [mark.as_dict() for mark in motion.marks]
-        fields = {"marks": marks, **_origin(motion, method)}
-        texts[files.json] = trajectory_json(motion.trajectory, **fields)
-    if files.csv is not None or files.ros is not None:
-        samples = cycle_samples(motion, files.sample_rate(motion.cycle.period))
-        notes = samples.notes
-    if files.csv is not None:
-        texts[files.csv] = trajectory_csv(motion.trajectory.joint_names, *samples.whole())
-    if files.ros is not None:
-        texts[files.ros] = _ros_documents(samples)
-    return {path: text.encode() for path, text in texts.items()}, notes
+def _write(
+    path: str | Path, motion: Motion | JointTrajectory, rate: float | None
+) -> tuple[str, ...]:
+    path = Path(path)
+    by_ending = {ending: each for each in FORMATS for ending in each.endings}
+    if path.suffix.lower() not in by_ending:
+        raise OutputError(
+            f"output {path}: the suffix chooses the format; there is: {', '.join(by_ending)}"
+        )
+    require_rate(rate)
+    require_writable([path])
+    exported = ExportedMotion(motion, rate=rate)
+    write_files({path: by_ending[path.suffix.lower()].text(exported).encode()})
+    return exported.notes
 
 
-def _origin(motion: CycleMotion, method: str | None) -> dict[str, Any]:
-    cycle = motion.cycle
-    return {
-        **({} if method is None else {"method": method}),
-        "tubeplanner_version": __version__,
-        "problem": cycle.name,
-        "problem_hash": cycle_hash(cycle),
-        "robot_hash": robot_hash(cycle.robot),
-        "part_hashes": cycle_part_hashes(cycle),
-    }
+# ---- The formats.
 
 
-def _ros_documents(samples: CycleSamples) -> str:
-    """Return a message for every leg, with comments on its move and the rests beside the leg."""
-    cycle = samples.motion.cycle
-    names, last = cycle.robot.joint_names, len(cycle.legs) - 1
-    documents = []
-    for k, (leg, sampled) in enumerate(zip(cycle.legs, samples.legs, strict=True)):
-        comments = [
-            f"{k + 1} of {last + 1}: move {leg.name}",
-            f"before it: {stop_text(leg.before)}",
-        ]
-        if k == last:
-            comments.append(f"after it: {stop_text(cycle.after)}")
+def _json_text(exported: ExportedMotion) -> str:
+    """Return the motion itself, with marks and origin."""
+    motion, fields = exported.motion, dict[str, Any]()
+    if not isinstance(motion, JointTrajectory):
+        if motion.marks:
+            fields["marks"] = [mark.as_dict() for mark in motion.marks]
+        fields |= origin(motion.task, exported.method)
+    return trajectory_json(exported.trajectory, **fields)
+
+
+def _csv_text(exported: ExportedMotion) -> str:
+    """Return samples of sections and rests, with efforts of the arm as it is loaded then."""
+    samples, names = exported.samples, exported.trajectory.joint_names
+    if isinstance(samples, TrajectorySamples):
+        return trajectory_csv(names, samples)
+    return trajectory_csv(names, *samples.whole())
+
+
+def _ros_text(exported: ExportedMotion) -> str:
+    """Return a message for every section, with comments on its moves and the rests beside it."""
+    samples, names = exported.samples, exported.trajectory.joint_names
+    if isinstance(samples, TrajectorySamples):
+        return trajectory_ros(names, samples)
+    motion, documents = samples.motion, []
+    last = len(samples.sections) - 1
+    for k, (section, sampled) in enumerate(
+        zip(motion.ended_sections, samples.sections, strict=True)
+    ):
+        comments = []
+        if motion.marks:
+            comments.append(f"{k + 1} of {last + 1}: move {', '.join(section.names)}")
+            comments.append(f"before it: {stop_text(motion.stops[k])}")
+            comments += [f"after it: {stop_text(motion.stops[-1])}"] * (k == last)
         if sampled.note is not None:
             comments.append(sampled.note)
         documents.append(trajectory_ros(names, sampled.samples, *comments))
     return "---\n".join(documents)
-
-
-# ---- The formats.
 
 
 def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
@@ -319,3 +291,32 @@ def _ros_list(values: list[float]) -> str:
     words = [repr(value) for value in values]
     words = [word if "." in word else word.replace("e", ".0e") for word in words]
     return "[" + ", ".join(words) + "]"
+
+
+FORMATS = (
+    Format(
+        "trajectory",
+        ("-o", "--output"),
+        "-o T.json",
+        "Trajectory file (JSON).",
+        (".json",),
+        _json_text,
+    ),
+    Format(
+        "CSV",
+        ("--csv",),
+        "--csv",
+        "Write samples (CSV).",
+        (".csv",),
+        _csv_text,
+        require_no_formula,
+    ),
+    Format(
+        "ROS",
+        ("--ros",),
+        "--ros",
+        "Write samples (trajectory_msgs/JointTrajectory).",
+        (".yaml", ".yml"),
+        _ros_text,
+    ),
+)
