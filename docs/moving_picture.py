@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from tubeplanner import Cycle, CycleMotion, load_cycle, plan_cycle
-from tubeplanner.output.curves import TrajectoryCurves, cycle_curves, cycle_timeline
+from tubeplanner.output.curves import TrajectoryCurves, cycle_timeline, motion_curves
 from tubeplanner.output.drawing import (
     CARRIED_COLOR,
     LINE_COLORS,
@@ -124,7 +124,7 @@ class Frames:
         """Draw what all frames have in common."""
         self._scene, self._timeline = scene, cycle_timeline(scene.motion)
         self._cursors: list[Line2D] = []
-        self._curves = cycle_curves(scene.cycle, scene.motion)
+        self._curves = motion_curves(scene.motion)
         self._duration = scene.motion.trajectory.duration
         width, height = SIZE
         self._figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")

@@ -160,7 +160,7 @@ from .output.figures.execution_figures import plot_execution as plot_execution
 from .output.figures.execution_figures import plot_cycle_execution as plot_cycle_execution
 from .output.page.viewer import view as view
 from .output.page.viewer import View as View  # returned
-from .output.page.cycle_page import view_cycle as view_cycle
+from .output.page.viewer import view_cycle as view_cycle
 from .output.figures.trajectory_figures import plot_cycle as plot_cycle
 
 # Errors

@@ -26,7 +26,6 @@ from tubeplanner.limits.time_scaling import scaling_factor
 from tubeplanner.limits.tube_membership import current_segments, tube_use
 from tubeplanner.output.drawing import segment_color
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.legs import step_text
 from tubeplanner.task.motion import CycleMotion, Motion, MotionSection
 from tubeplanner.task.problem import PlanningProblem
@@ -232,41 +231,41 @@ def binding_strip(sections: Sequence[LimitedSection], duration: float) -> Bindin
     return BindingStrip(ordered, binding, speed_fraction, duration, joint_count)
 
 
-# ---- Curves of the motion of a cycle: of every leg and of every rest, in turn.
+# ---- Curves of a motion: of every section and of every rest, in turn.
 
 
-def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
-    """Return the curves of legs and rests in order, in times of the whole motion.
+def motion_curves(motion: Motion) -> list[TrajectoryCurves]:
+    """Return the curves of sections and rests in order, in times of the whole motion.
 
-    The arm of each carries the parts of that leg or rest.
+    The arm of each carries the parts of that section or rest.
     """
-    legs = []
+    sections = []
     for section in motion.sections:
         curves = trajectory_curves(section.problem, section.trajectory)
         later = replace(curves.samples, time=curves.samples.time + section.begin)
-        legs.append(replace(curves, samples=later))
+        sections.append(replace(curves, samples=later))
     result: list[TrajectoryCurves] = []
-    for k, leg in enumerate(legs):
-        result += [*_stop_curves(cycle, motion, k, leg, 0), leg]
-    return [*result, *_stop_curves(cycle, motion, len(legs), legs[-1], -1)]
+    for k, curves in enumerate(sections):
+        result += [*_stop_curves(motion, k, curves, 0), curves]
+    return [*result, *_stop_curves(motion, len(sections), sections[-1], -1)]
 
 
 def _stop_curves(
-    cycle: Cycle, motion: CycleMotion, junction: int, beside: TrajectoryCurves, sample: int
+    motion: Motion, junction: int, beside: TrajectoryCurves, sample: int
 ) -> Iterator[TrajectoryCurves]:
     """Yield the curves of steps that take time at a junction.
 
     Args:
-        cycle: The cycle.
-        motion: Its motion.
+        motion: The motion.
         junction: Index of the junction.
-        beside: Curves of the leg after the junction, or before it.
+        beside: Curves of the section after the junction, or before it.
         sample: Index of the sample at the junction.
     """
-    stop, marks = cycle.stop_at(junction), motion.marks
-    first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:junction])
-    times = [mark.time for mark in marks[first : first + len(stop.steps) + 1]]
-    if junction == len(cycle.legs):
+    before = zip(motion.stops, motion.sections[:junction], strict=False)
+    first = sum(len(stop.steps) + len(section.names) for stop, section in before)
+    stop = motion.stops[junction]
+    times = [mark.time for mark in motion.marks[first : first + len(stop.steps) + 1]]
+    if junction == len(motion.sections):
         times.append(motion.trajectory.duration)
     for (begin, end), arm in zip(pairwise(times), stop.arms[1:], strict=True):
         if end > begin:

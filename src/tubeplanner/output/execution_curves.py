@@ -8,7 +8,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.execution.excursions import additional_distances, obstacle_distances, tube_margins
 from tubeplanner.execution.run_verdict import executed_legs
 from tubeplanner.execution.simulation import Execution
-from tubeplanner.task.motion import CycleMotion
+from tubeplanner.task.motion import Motion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -111,7 +111,7 @@ def _planned(problem: PlanningProblem, trajectory: JointTrajectory, time: FloatA
 # ---- The tool's executed paths as short straight lines, inside and outside the tube.
 
 _MAX_PATHS = 200
-EXECUTED_STEPS = 240  # lines of an executed path
+_EXECUTED_STEPS = 240  # lines of an executed path
 BESIDE_EXECUTED = 0.3  # of its usual thickness: the planned path among executed ones
 
 
@@ -150,8 +150,8 @@ def executed_paths(tools: ToolRuns, steps: int) -> ExecutedPaths:
     return ExecutedPaths(lines[least >= 0], lines[least < 0], len(order), len(tools.runs))
 
 
-def cycle_executed_paths(motion: CycleMotion, execution: Execution) -> ExecutedPaths:
-    """Return the paths of a cycle's runs, outside where a run leaves the tube of its move."""
+def motion_paths(motion: Motion, execution: Execution) -> ExecutedPaths:
+    """Return the paths of a motion's runs, outside where a run leaves the tube of its section."""
     legs = executed_legs(motion, execution)
     tools = [tool_runs(leg.problem, leg.trajectory, leg.execution) for leg in legs]
     tubes = [tool.tube for tool in tools]
@@ -163,4 +163,4 @@ def cycle_executed_paths(motion: CycleMotion, execution: Execution) -> ExecutedP
     )
     plan = np.concatenate([tool.plan for tool in tools])
     runs = np.concatenate([tool.runs for tool in tools], axis=1)
-    return executed_paths(ToolRuns(plan, runs, tube, None), EXECUTED_STEPS * len(legs))
+    return executed_paths(ToolRuns(plan, runs, tube, None), _EXECUTED_STEPS * len(legs))

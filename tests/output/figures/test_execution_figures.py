@@ -12,7 +12,7 @@ from tubeplanner import OptionError, OutputError, judged_runs, plot_execution, v
 from tubeplanner.execution.run_verdict import judged_cycle
 from tubeplanner.output.drawing import EXECUTED_COLOR, WARNING_COLOR
 from tubeplanner.output.execution_curves import (
-    cycle_executed_paths,
+    motion_paths,
     executed_paths,
     obstacle_band,
     tool_runs,
@@ -87,7 +87,7 @@ def test_paths_of_cycles_leave_the_tube_of_the_move_that_runs_and_pages_show_the
     # In the middle of the second move.
     then = abs(execution.time - (DURATION + 2 * DWELL + DURATION / 2)) < 0.05
     execution.position[1, then, 1] += 0.7
-    paths, tool = cycle_executed_paths(motion, execution), motion.cycle.robot.tool_position
+    paths, tool = motion_paths(motion, execution), motion.cycle.robot.tool_position
     assert (paths.shown, paths.total) == (2, 2)
     out = tool(execution.position[1, then])
     far = np.linalg.norm(paths.outside[:, :, None] - out, axis=3).min(axis=2)

@@ -22,7 +22,7 @@ from tubeplanner import (
     plot_trajectory,
     sweep,
 )
-from tubeplanner.output.curves import cycle_curves, segments_per_group, size_of, trajectory_curves
+from tubeplanner.output.curves import motion_curves, segments_per_group, size_of, trajectory_curves
 from tubeplanner.output.figures.panels import draw_speed, draw_tube_use, draw_velocities
 from tubeplanner.output.figures.trajectory_figures import plot_cycle, shown_name
 from tubeplanner.task.motion import LegMotion, cycle_motion
@@ -228,7 +228,7 @@ def axes(cycle, motion):
 
 
 def test_curves_follow_each_other_without_gaps(cycle, motion):
-    runs = cycle_curves(cycle, motion)
+    runs = motion_curves(motion)
     times = [(run.samples.time[0], run.samples.time[-1]) for run in runs]
     rest, second = 1 + GRIP, 2 + GRIP
     expected = [(0, 1), (1, rest), (rest, second), (second, second + RELEASE)]
@@ -240,7 +240,7 @@ def test_curves_follow_each_other_without_gaps(cycle, motion):
 
 def test_efforts_are_those_of_what_is_carried(cycle, motion):
     """The part is carried while the gripper opens, and not yet while it closes."""
-    _, closing, carrying, opening, back = cycle_curves(cycle, motion)
+    _, closing, carrying, opening, back = motion_curves(motion)
     loaded = cycle.robot.with_payload(CARRIED)
     np.testing.assert_allclose(closing.effort[0], cycle.robot.gravity_effort(TAKEN))
     np.testing.assert_allclose(opening.effort[0], loaded.gravity_effort(LEFT))
@@ -258,7 +258,7 @@ def test_a_leg_that_begins_where_it_has_no_place_is_drawn(cycle, tmp_path, undra
     motion = cycle_motion(cycle, [LegMotion(*each) for each in zip(legs, passed, strict=True)])
     with pytest.raises(ProblemError):
         cycle.problem(1, motion.junctions[:2])
-    assert len(cycle_curves(cycle, motion)) == 5
+    assert len(motion_curves(motion)) == 5
     plot_cycle(cycle, motion, tmp_path / "figure.png")
     assert (tmp_path / "figure.png").read_bytes() == undrawn
 
@@ -266,7 +266,7 @@ def test_a_leg_that_begins_where_it_has_no_place_is_drawn(cycle, tmp_path, undra
 def test_a_rest_at_the_end_is_drawn(cycle):
     cooled = replace(cycle, steps=[*cycle.steps, Event("cool", dwell=0.5)])
     motion = motion_of(cooled)
-    last, end = cycle_curves(cooled, motion)[-1], motion.trajectory.duration
+    last, end = motion_curves(motion)[-1], motion.trajectory.duration
     np.testing.assert_allclose(last.samples.time, [end - 0.5, end])
     np.testing.assert_allclose(last.samples.position[0], motion.junctions[-1])
 

@@ -40,7 +40,7 @@ from tubeplanner.output.figures.figure_files import new_figure, saved
 from tubeplanner.output.figures.panels import LIMIT, mark_segments
 from tubeplanner.output.figures.trajectory_figures import mark_moves, name_steps
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.task.motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion, Motion, ProblemMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -79,51 +79,8 @@ def plot_execution(
         OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
-    trajectory = trajectory.reordered(problem.robot.joint_names)
-    tools = tool_runs(problem, trajectory, execution)
-    draws = _over_time(problem, trajectory, execution, tools)
-    whole = new_figure(14.0, max(2.4 + 1.75 * len(draws), 9.0))
-    verdict = fill(str(run_verdict(judged)), _TITLE_WIDTH)
-    title = f"{problem.name}: {trajectory.duration:.4f} s, executed\n{verdict}"
-    whole.suptitle(title, fontsize=13)
-    left, right = whole.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.25))[0]
-    draw_planes(left, problem, tools)
-    heights = [1.7, *([1.0] * (len(draws) - 1))]
-    axes = right.subplots(len(draws), 1, sharex=True, height_ratios=heights)
-    curves = trajectory_curves(problem, trajectory)
-    for axis, draw in zip(axes, draws, strict=True):
-        draw(axis)
-        mark_segments(axis, curves, labels=axis is axes[0], until=float(execution.time[-1]))
-        axis.set_xlabel("time [s]" if axis is axes[-1] else "")
-    # The panel of the tube marks the run and the instant that the planes mark.
-    when, end = tools.tube.time[tools.worst[1]], tools.tube.time[-1]
-    axes[0].scatter(when, 1000 * tools.tube.runs[tools.worst], **RING)
-    options = {"transform": axes[0].get_xaxis_transform(), "ha": "center", "fontsize": 7}
-    axes[0].text((trajectory.duration + end) / 2, 1.01, "held", **options)
-    handles, labels = axes[0].get_legend_handles_labels()
-    right.legend(handles, labels, fontsize=8, ncols=4, loc="outside upper center", frameon=False)
-    return saved(whole, path)
-
-
-def _over_time(
-    problem: PlanningProblem, trajectory: JointTrajectory, execution: Execution, tools: ToolRuns
-) -> list[Callable[["Axes"], None]]:
-    """Return the functions that draw the panels over time, from top to bottom."""
-    draws: list[Callable[[Axes], None]]
-    draws = [partial(draw_margin, band=tools.tube, label="inside the tube [mm]")]
-    if tools.rotation is not None:
-        label = "inside the rotation\ntolerance [mrad]"
-        draws.append(partial(draw_margin, band=tools.rotation, label=label))
-    distance = obstacle_band(problem, trajectory, execution)
-    if distance is not None:
-        label, least = "distance from\nobstacles [mm]", problem.clearance
-        draws.append(partial(draw_margin, band=distance, label=label, least=least))
-    away = np.linalg.norm(tools.runs - tools.plan, axis=2)
-    tracking = Band(execution.time, np.zeros(len(execution.time)), away)
-    draws.append(partial(draw_band, band=tracking, label="tool from\nthe plan [mm]"))
-    options = partial(draw_saturation, robot=problem.robot, time=execution.time)
-    draws.append(partial(options, is_saturated=execution.is_saturated))
-    return draws
+    motion = ProblemMotion(problem, trajectory)
+    return plot_executed_motion(motion, execution, judged, path)
 
 
 def plot_cycle_execution(
@@ -146,56 +103,95 @@ def plot_cycle_execution(
         OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
-    draws = _cycle_over_time(motion, execution)
-    whole = new_figure(14.0, 2.0 + 1.9 * len(draws))
-    verdict = fill(str(run_verdict(judged.runs)), _CYCLE_TITLE_WIDTH)
-    duration = motion.trajectory.duration
-    whole.suptitle(f"{motion.cycle.name}: {duration:.4f} s, executed\n{verdict}", fontsize=13)
-    axes = whole.subplots(len(draws), 1, sharex=True, squeeze=False)[:, 0]
-    timeline, end = cycle_timeline(motion), float(execution.time[-1])
+    return plot_executed_motion(motion, execution, judged.runs, path)
+
+
+def plot_executed_motion(
+    motion: Motion,
+    execution: Execution,
+    judged: Sequence[JudgedRun],
+    path: str | Path | None = None,
+) -> "Figure":
+    """Draw an executed motion as `plot_execution` or `plot_cycle_execution`."""
+    legs = executed_legs(motion, execution)
+    tools = [tool_runs(leg.problem, leg.trajectory, leg.execution) for leg in legs]
+    draws, is_cycle = _over_time(execution, legs, tools), bool(motion.marks)
+    count, duration, end = len(draws), motion.trajectory.duration, float(execution.time[-1])
+    whole = new_figure(14.0, 2.0 + 1.9 * count if is_cycle else max(2.4 + 1.75 * count, 9.0))
+    verdict = fill(str(run_verdict(judged)), _CYCLE_TITLE_WIDTH if is_cycle else _TITLE_WIDTH)
+    title = f"{motion.task.name}: {duration:.4f} s, executed\n{verdict}"
+    whole.suptitle(title, fontsize=13)
+    figure: FigureBase = whole
+    heights = [1.0] * count
+    if not is_cycle:
+        left, figure = whole.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.25))[0]
+        draw_planes(left, legs[0].problem, tools[0])
+        heights[0] = 1.7
+    axes = figure.subplots(count, 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     for axis, draw in zip(axes, draws, strict=True):
         draw(axis)
-        mark_moves(axis, timeline, end, names=axis is axes[0], letter=_LETTER)
+    if isinstance(motion, CycleMotion):
+        timeline = cycle_timeline(motion)
+        for axis in axes:
+            mark_moves(axis, timeline, end, names=axis is axes[0], letter=_LETTER)
+        name_steps(axes[-2], timeline, end)  # where curves are low at rest: the tool from the plan
+    else:
+        curves = trajectory_curves(legs[0].problem, motion.trajectory)
+        for axis in axes:
+            mark_segments(axis, curves, labels=axis is axes[0], until=end)
+        # The panel of the tube marks the run and the instant that the planes mark.
+        tube, worst = tools[0].tube, tools[0].worst
+        axes[0].scatter(tube.time[worst[1]], 1000 * tube.runs[worst], **RING)
+        options = {"transform": axes[0].get_xaxis_transform(), "ha": "center", "fontsize": 7}
+        axes[0].text((duration + tube.time[-1]) / 2, 1.01, "held", **options)
+    for axis in axes:
         axis.set_xlabel("time [s]" if axis is axes[-1] else "")
-    name_steps(axes[-2], timeline, end)  # where curves are low at rest: the tool from the plan
     handles, labels = axes[0].get_legend_handles_labels()
-    whole.legend(handles, labels, fontsize=8, ncols=4, loc="outside lower center", frameon=False)
+    where = f"outside {'lower' if is_cycle else 'upper'} center"
+    figure.legend(handles, labels, fontsize=8, ncols=4, loc=where, frameon=False)
     return saved(whole, path)
 
 
-def _cycle_over_time(motion: CycleMotion, execution: Execution) -> list[Callable[["Axes"], None]]:
+def _over_time(
+    execution: Execution, legs: Sequence[ExecutedLeg], tools: Sequence[ToolRuns]
+) -> list[Callable[["Axes"], None]]:
     """Return the functions that draw the panels over time, from top to bottom."""
-    legs = executed_legs(motion, execution)
-    tools = [tool_runs(leg.problem, leg.trajectory, leg.execution) for leg in legs]
-    draws: list[Callable[[Axes], None]] = []
-    beyond: list[Band | None] = []
+    is_cycle, problem = legs[0].leg is not None, legs[0].problem
+    distances: list[Band | None] = []
     for leg in legs:
         band = obstacle_band(leg.problem, leg.trajectory, leg.execution)
-        clearance = leg.problem.clearance
-        if band is not None:
-            band = Band(band.time, band.plan - clearance, band.runs - clearance)
-        beyond.append(band)
-    margins: dict[str, list[Band | None]] = {
-        "inside the tube [mm]": [tool.tube for tool in tools],
-        "inside the rotation\ntolerance [mrad]": [tool.rotation for tool in tools],
-        "clearance beyond\nthe required [mm]": beyond,
-    }
-    for label, bands in margins.items():
-        if any(band is not None for band in bands):
-            joined = _joined(legs, bands)
-            draws.append(partial(draw_margin, band=joined, label=label))
-    away = [np.linalg.norm(tool.runs - tool.plan, axis=2) for tool in tools]
-    times = [leg.execution.time for leg in legs]
-    tracking = [Band(time, 0 * time, runs) for time, runs in zip(times, away, strict=True)]
+        if band is not None and is_cycle:  # each leg requires a clearance of its own
+            required = leg.problem.clearance
+            band = Band(band.time, band.plan - required, band.runs - required)
+        distances.append(band)
+    word = "clearance beyond\nthe required" if is_cycle else "distance from\nobstacles"
+    least = 0.0 if is_cycle else problem.clearance
+    margins: tuple[tuple[str, float, list[Band | None]], ...] = (
+        ("inside the tube [mm]", 0.0, [tool.tube for tool in tools]),
+        ("inside the rotation\ntolerance [mrad]", 0.0, [tool.rotation for tool in tools]),
+        (f"{word} [mm]", least, distances),
+    )
+    draws: list[Callable[[Axes], None]] = [
+        partial(draw_margin, band=_joined(legs, bands), label=label, least=bound)
+        for label, bound, bands in margins
+        if any(band is not None for band in bands)
+    ]
+    tracking = [
+        Band(leg.execution.time, 0 * leg.execution.time, away)
+        for leg, tool in zip(legs, tools, strict=True)
+        for away in [np.linalg.norm(tool.runs - tool.plan, axis=2)]
+    ]
     draws.append(partial(draw_band, band=_joined(legs, tracking), label="tool from\nthe plan [mm]"))
-    options = partial(draw_saturation, robot=motion.cycle.robot, time=execution.time)
+    options = partial(draw_saturation, robot=problem.robot, time=execution.time)
     return [*draws, partial(options, is_saturated=execution.is_saturated)]
 
 
 def _joined(legs: Sequence[ExecutedLeg], bands: Sequence[Band | None]) -> Band:
-    """Return the bands of all legs, joined in times of the cycle with gaps between legs."""
+    """Return the bands of all legs, joined in times of the motion with gaps between legs."""
     runs = len(legs[0].execution.plants)
     parts = [(leg.begin, band) for leg, band in zip(legs, bands, strict=True) if band is not None]
+    if legs[0].leg is None:
+        return parts[0][1]
     return Band(
         np.concatenate([begin + np.append(band.time, band.time[-1]) for begin, band in parts]),
         np.concatenate([np.append(band.plan, np.nan) for _, band in parts]),

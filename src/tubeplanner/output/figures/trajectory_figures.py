@@ -1,6 +1,7 @@
 """Figures of the motion of a trajectory and of a cycle."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,14 +10,12 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.output.curves import (
-    LimitedSection,
     Timeline,
     TrajectoryCurves,
     binding_strip,
-    cycle_curves,
     cycle_timeline,
     limited_sections,
-    trajectory_curves,
+    motion_curves,
 )
 from tubeplanner.output.drawing import segment_color
 from tubeplanner.output.figures.binding_panels import draw_clearance, draw_strip
@@ -31,7 +30,7 @@ from tubeplanner.output.figures.panels import (
 from tubeplanner.output.figures.space_panel import SpaceContent, draw_space
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion, Motion, ProblemMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -65,30 +64,7 @@ def plot_trajectory(
         OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
-    trajectory = trajectory.reordered(problem.robot.joint_names)
-    curves, section = trajectory_curves(problem, trajectory), LimitedSection(problem, trajectory)
-    strip = binding_strip([section], trajectory.duration)
-    draws = time_panels([curves])
-    has_clearance = len(section.closest) > 0
-    motors = motor_joints(problem.robot)
-    grid = figure_grid(len(strip.rows), len(draws) + has_clearance, has_motors=len(motors) > 0)
-    grid.figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
-    draw_strip(grid.strip, strip)
-    mark_segments(grid.strip, curves, labels=True)
-    for axis, draw in zip(grid.panels, draws, strict=False):
-        draw(axis, curves)
-    if has_clearance:
-        draw_clearance(grid.panels[-1], [section])
-    for axis in grid.panels:
-        mark_segments(axis, curves)
-    grid.name_time()
-    ends = curves.samples.position[[0, -1]]
-    carried, tubes = [problem.attached] * 2, [(problem.tube, None)]
-    content = SpaceContent(problem.robot, ends, carried, 1, curves.tool, tubes, problem.obstacles)
-    draw_space(grid.space, content)
-    if grid.motors is not None:
-        draw_motors(grid.motors, curves, motors)
-    return saved(grid.figure, path)
+    return plot_motion(ProblemMotion(problem, trajectory), path)
 
 
 def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None) -> "Figure":
@@ -109,50 +85,61 @@ def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None
         OutputError: The file could not be written.
     """
     Cycle.require(cycle)
-    runs, timeline = cycle_curves(cycle, motion), cycle_timeline(motion)
-    sections, duration = limited_sections(motion), motion.trajectory.duration
+    return plot_motion(replace(motion, cycle=cycle), path)
+
+
+def plot_motion(motion: Motion, path: str | Path | None = None) -> "Figure":
+    """Draw a motion as `plot_trajectory` or `plot_cycle`."""
+    task, duration, is_cycle = motion.task, motion.trajectory.duration, bool(motion.marks)
+    runs, sections = motion_curves(motion), limited_sections(motion)
     strip = binding_strip(sections, duration)
     draws = time_panels(runs)
     has_clearance = any(each.closest for each in sections)
-    grid = figure_grid(len(strip.rows), len(draws) + has_clearance, has_motors=False)
-    grid.figure.suptitle(f"{cycle.name}: {duration:.4f} s", fontsize=13)
+    motors = [] if is_cycle else motor_joints(task.robot)
+    grid = figure_grid(len(strip.rows), len(draws) + has_clearance, has_motors=len(motors) > 0)
+    grid.figure.suptitle(f"{task.name}: {duration:.4f} s", fontsize=13)
     draw_strip(grid.strip, strip)
     for axis, draw in zip(grid.panels, draws, strict=False):
         spans = []
         for run in runs:
             draw(axis, run)
             spans.append(axis.get_ylim())
-        axis.set_ylim(min(low for low, _ in spans), max(high for _, high in spans))
+        if is_cycle:
+            axis.set_ylim(min(low for low, _ in spans), max(high for _, high in spans))
     if has_clearance:
         draw_clearance(grid.panels[-1], sections)
+    timeline = cycle_timeline(motion) if isinstance(motion, CycleMotion) else None
     for axis in (grid.strip, *grid.panels):
-        mark_moves(axis, timeline, duration, names=axis is grid.strip)
+        if timeline is None:
+            mark_segments(axis, runs[0], labels=axis is grid.strip)
+        else:
+            mark_moves(axis, timeline, duration, names=axis is grid.strip)
     grid.name_time()
-    name_steps(grid.panels[draws.index(draw_speed)], timeline, duration)
-    _draw_space(grid.space, cycle, motion, runs, [each.problem for each in sections])
+    if timeline is not None:
+        name_steps(grid.panels[draws.index(draw_speed)], timeline, duration)
+    draw_space(grid.space, _space_content(motion, runs))
+    if grid.motors is not None:
+        draw_motors(grid.motors, runs[0], motors)
     return saved(grid.figure, path)
 
 
-def _draw_space(
-    axis: "Axes",
-    cycle: Cycle,
-    motion: CycleMotion,
-    runs: Sequence[TrajectoryCurves],
-    problems: Sequence[PlanningProblem],
-) -> None:
-    """Draw tubes in the colours of their moves, the obstacles at first, the arm at junctions."""
-    moves = [move for leg in cycle.legs for move in leg.moves]
-    tubes = [(move.tube, segment_color(k)) for k, move in enumerate(moves)]
-    handed_over = {step.name for step in cycle.steps if isinstance(step, Attach)}
+def _space_content(motion: Motion, runs: Sequence[TrajectoryCurves]) -> SpaceContent:
+    """Return the arm at start and goal in the tube; of a cycle at junctions, in all tubes."""
+    task, problems = motion.task, [each.problem for each in motion.sections]
     path = np.vstack([run.tool for run in runs])
+    if not isinstance(motion, CycleMotion):
+        ends, tubes = runs[0].samples.position[[0, -1]], [(problems[0].tube, None)]
+        carried = [problems[0].attached] * 2
+        return SpaceContent(task.robot, ends, carried, 1, path, tubes, task.obstacles)
+    moves = [move for leg in motion.cycle.legs for move in leg.moves]
+    of_moves = [(move.tube, segment_color(k)) for k, move in enumerate(moves)]
+    handed_over = {step.name for step in motion.cycle.steps if isinstance(step, Attach)}
     junctions = np.array(motion.junctions)
-    drawn = _far_apart(cycle.robot, junctions)
+    drawn = _far_apart(task.robot, junctions)
     # At a junction the arm has the parts of the next leg; at the end, those of the last.
     carried = [problems[min(k, len(problems) - 1)].attached for k in drawn]
-    content = SpaceContent(
-        cycle.robot, junctions[drawn], carried, 0, path, tubes, cycle.obstacles, handed_over
-    )
-    draw_space(axis, content)
+    content = task.robot, junctions[drawn], carried, 0, path, of_moves
+    return SpaceContent(*content, task.obstacles, handed_over)
 
 
 def _far_apart(robot: RobotModel, q: FloatArray) -> list[int]:

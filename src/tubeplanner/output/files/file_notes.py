@@ -25,8 +25,6 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.reader import TrajectoryFile
 
-# ---- Notes on the trajectory of a problem.
-
 _NEAR = 1e-2  # [rad or m]: starts this near count as equal
 _NEAR_LOCKED = 1e-3  # [rad or m]
 _UNITS = {1e3: "milliseconds", 1e6: "microseconds"}  # in a second
@@ -36,14 +34,16 @@ _TURN = 2 * np.pi
 _COLUMNS_SHOWN = 20
 
 
-def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: bool) -> list[str]:
+def notes_on_file(task: Task, file: TrajectoryFile, *, failed: bool = False) -> list[str]:
     """Return notes on interpolation, origin and likely mistakes.
 
     Args:
-        problem: The planning problem.
-        file: Its trajectory has the problem's joints, in any order.
+        task: The problem or the cycle.
+        file: Its trajectory has the joints of the task, in any order.
         failed: True if its certificate failed.
     """
+    if isinstance(task, Cycle):  # files of cycles are ours
+        return _notes_on_origin(task, file)
     notes = []
     if file.interpolation is not None:
         notes.append(f"samples are joined by {file.interpolation}")
@@ -52,13 +52,9 @@ def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: boo
         columns = ", ".join(map(shown, file.ignored[:_COLUMNS_SHOWN]))
         columns += f" and {more} more" if more > 0 else ""
         notes.append(f"columns that are not read: {columns}")
-    notes += [*file.remarks, *_notes_on_still_joints(problem.robot, file.still)]
-    is_other_robot = file.robot_hash not in (None, robot_hash(problem.robot))
-    is_other = is_other_robot, file.problem_hash not in (None, problem_hash(problem))
-    differing = partial(differing_parts, problem, file.part_hashes)
-    notes += _notes_on_origin("problem", is_other, differing)
-    notes += unit_guesses(problem, file)
-    misreading = _likely_misreading(problem, file.trajectory) if failed else None
+    notes += [*file.remarks, *_notes_on_still_joints(task.robot, file.still)]
+    notes += [*_notes_on_origin(task, file), *unit_guesses(task, file)]
+    misreading = _likely_misreading(task, file.trajectory) if failed else None
     return notes if misreading is None else [*notes, misreading]
 
 
@@ -116,21 +112,15 @@ def _fits(problem: PlanningProblem, q: FloatArray) -> tuple[bool, bool]:
     return begins, bool((inside | (abs(q) <= _TURN)).all())
 
 
-def _notes_on_origin(
-    noun: str, is_other: tuple[bool, bool], differing: Callable[[], list[str]]
-) -> list[str]:
-    """Return a note if a trajectory was made for another problem or cycle.
-
-    Args:
-        noun: "problem" or "cycle".
-        is_other: True if the robot is another; and if the problem or cycle is.
-        differing: Function that names the parts that differ.
-    """
-    if not any(is_other):
+def _notes_on_origin(task: Task, file: TrajectoryFile) -> list[str]:
+    """Return a note if a trajectory was made for another task; none if the file does not say."""
+    is_other_robot = file.robot_hash not in (None, robot_hash(task.robot))
+    if not is_other_robot and file.problem_hash in (None, task_hash(task)):
         return []
-    if parts := ", ".join(differing()):
+    noun = "cycle" if isinstance(task, Cycle) else "problem"
+    if parts := ", ".join(differing_parts(task, file.part_hashes)):
         return [f"the trajectory was made for another {noun}; what differs: {parts}"]
-    if is_other[0]:
+    if is_other_robot:
         return ["the trajectory was made for another robot, payload, limits or motors"]
     return [f"the trajectory was made for another {noun} with this robot"]
 
@@ -153,62 +143,29 @@ def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) ->
 
 
 def motion_notes(
-    problem: PlanningProblem, name: str, file: TrajectoryFile
-) -> tuple[Certificate, list[str]]:
-    """Return the certificate of a motion shown under a problem, as of `check`, and notes.
+    motion: Motion, name: str, file: TrajectoryFile
+) -> tuple[Certificate | CycleCertificate, list[str]]:
+    """Return the certificate of a motion that is shown, as of `check`, and notes.
 
     Args:
-        problem: The planning problem under which the motion is shown.
+        motion: Of the problem or cycle under which it is shown.
         name: Name of the motion.
         file: Its file.
 
     Returns:
         The certificate, and notes: the verdict, then notes on the file.
-
-    Raises:
-        TrajectoryError: The motion has other joints than the problem.
     """
     tolerance = Tolerance() if file.interpolation is None else FOREIGN_TOLERANCE
-    try:
-        certificate = verify(problem, file.trajectory, tolerance)
-    except TrajectoryError as error:
-        raise TrajectoryError(f"{name}: {error}") from None
-    failures = "; ".join(certificate.describe(failed) for failed in certificate.failures())
+    certificate = judged_motion(motion, tolerance)
+    failures = "; ".join(map(certificate.describe, certificate.failures()))
     notes = [f"fails: {failures}" if failures else "passes every condition"]
-    notes += notes_on_file(problem, file, failed=not certificate.passed)
-    if has_other_part(problem, file):
+    notes += notes_on_file(motion.task, file, failed=not certificate.passed)
+    if has_other_part(motion.task, file):
         notes.append("it is drawn with an empty hand, as it carried something else")
     return certificate, [f"{name}: {note}" for note in notes]
 
 
-def has_other_part(problem: PlanningProblem, file: TrajectoryFile) -> bool:
-    """Return True if a motion was made with other carried solids than the problem's."""
-    return CARRIED in differing_parts(problem, file.part_hashes)
-
-
-# ---- Notes on the motion of a cycle.
-
-
-def notes_on_cycle_file(cycle: Cycle, file: TrajectoryFile) -> list[str]:
-    """Return a note if a trajectory was made for another cycle; none if the file does not say."""
-    is_other_robot = file.robot_hash not in (None, robot_hash(cycle.robot))
-    is_other = is_other_robot, file.problem_hash not in (None, cycle_hash(cycle))
-    differing = partial(differing_cycle_parts, cycle, file.part_hashes)
-    return _notes_on_origin("cycle", is_other, differing)
-
-
-def cycle_motion_notes(
-    motion: CycleMotion, name: str, file: TrajectoryFile
-) -> tuple[CycleCertificate, list[str]]:
-    """Return the certificate of a cycle's motion, as of `check`, and notes as of `motion_notes`.
-
-    Args:
-        motion: The motion of a cycle.
-        name: Name of the motion.
-        file: Its file.
-    """
-    certificate = verify_cycle(motion.cycle, motion)
-    failures = "; ".join(map(certificate.describe, certificate.failures()))
-    notes = [f"fails: {failures}" if failures else "passes every condition"]
-    notes += notes_on_cycle_file(motion.cycle, file)
-    return certificate, [f"{name}: {note}" for note in notes]
+def has_other_part(task: Task, file: TrajectoryFile) -> bool:
+    """Return True if a problem's motion was made with other carried solids than the problem's."""
+    is_cycle = isinstance(task, Cycle)
+    return not is_cycle and CARRIED in differing_parts(task, file.part_hashes)

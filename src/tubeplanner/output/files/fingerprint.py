@@ -35,14 +35,13 @@ def origin(task: Task, method: str | None = None) -> dict[str, Any]:
         task: The problem or the cycle.
         method: Method of planning; None: not known, and not stated.
     """
-    is_cycle = isinstance(task, Cycle)
     return {
         **({} if method is None else {"method": method}),
         "tubeplanner_version": __version__,
         "problem": task.name,
-        "problem_hash": cycle_hash(task) if is_cycle else problem_hash(task),
+        "problem_hash": task_hash(task),
         "robot_hash": robot_hash(task.robot),
-        "part_hashes": cycle_part_hashes(task) if is_cycle else part_hashes(task),
+        "part_hashes": part_hashes(task),
     }
 
 
@@ -55,6 +54,11 @@ _ROBOT_DIGITS, _PROBLEM_DIGITS = 16, 32
 def robot_hash(robot: RobotModel) -> str:
     """Return a hash of a robot's kinematics, dynamics, limits and motors."""
     return hash_of(robot_parts(robot), _ROBOT_DIGITS)
+
+
+def task_hash(task: Task) -> str:
+    """Return a hash of everything that the certificate of a motion depends on."""
+    return cycle_hash(task) if isinstance(task, Cycle) else problem_hash(task)
 
 
 def problem_hash(problem: PlanningProblem) -> str:
@@ -246,12 +250,22 @@ CARRIED = "carried solids"
 _DIGITS = 8
 
 
-def part_hashes(problem: PlanningProblem) -> dict[str, str]:
-    """Return a hash of each part of a problem, by its name in messages."""
+def part_hashes(task: Task) -> dict[str, str]:
+    """Return a hash of each part of a problem or a cycle, by its name in messages."""
+    if isinstance(task, Cycle):
+        parts = {_STEPS: hash_of(_step_parts(task), _DIGITS)}
+        for k, leg in enumerate(task.legs):
+            of_leg = part_hashes(task.problem_from_anywhere(k))
+            parts |= {f"{part}{_OF_MOVE}'{leg.name}'": value for part, value in of_leg.items()}
+        return parts
+    return {name: hash_of(parts, _DIGITS) for name, parts in _parts(task).items()}
+
+
+def _parts(problem: PlanningProblem) -> dict[str, list[object]]:
     robot = problem.robot
     payload = [] if robot.payload is None else list(dataclasses.astuple(robot.payload))
     touching = sorted({tuple(sorted(pair)) for pair in problem.ignore_collisions})
-    parts: dict[str, list[object]] = {
+    return {
         "robot": motion_parts(robot),
         "payload": payload,
         "limits or motors": limit_parts(robot),
@@ -266,21 +280,32 @@ def part_hashes(problem: PlanningProblem) -> dict[str, str]:
             *clearance_parts(problem),
         ],
     }
-    return {name: hash_of(values, _DIGITS) for name, values in parts.items()}
 
 
-def differing_parts(problem: PlanningProblem, stated: Mapping[str, str]) -> list[str]:
-    """Return the parts in which a problem differs from the problem of the stated hashes."""
-    own = part_hashes(problem)
-    return [name for name, value in own.items() if stated.get(name, value) != value]
+def differing_parts(task: Task, stated: Mapping[str, str]) -> list[str]:
+    """Return the parts in which a task differs from the task of the stated hashes.
+
+    A part that differs in every move of a cycle is named once.
+    """
+    own, count = part_hashes(task), len(task.legs) if isinstance(task, Cycle) else 1
+    moves: dict[str, list[str]] = {}
+    for name, value in own.items():
+        if stated.get(name, value) != value:
+            part, _, move = name.partition(_OF_MOVE)
+            moves.setdefault(part, []).append(move)
+    return [
+        _OF_MOVE.join(filter(None, (part, name)))
+        for part, names in moves.items()
+        for name in ([""] if len(names) == count else names)
+    ]
 
 
-# ---- Hashes of cycles, whole and by part.
+# ---- Hashes of cycles.
 #
 # They consist of the hashes of the moves' problems, each before its start is known, and of the
 # steps between moves.
 
-_CYCLE_DIGITS, _PART_DIGITS = 32, 8
+_CYCLE_DIGITS = 32
 _STEPS = "order of steps or dwells"
 _OF_MOVE = " of move "
 
@@ -289,33 +314,6 @@ def cycle_hash(cycle: Cycle) -> str:
     """Return a hash of everything that the certificate of a cycle's motion depends on."""
     problems = [problem_hash(cycle.problem_from_anywhere(k)) for k in range(len(cycle.legs))]
     return hash_of([*_step_parts(cycle), *problems], _CYCLE_DIGITS)
-
-
-def cycle_part_hashes(cycle: Cycle) -> dict[str, str]:
-    """Return a hash of each part of a cycle, by its name in messages."""
-    parts = {_STEPS: hash_of(_step_parts(cycle), _PART_DIGITS)}
-    for k, leg in enumerate(cycle.legs):
-        of_leg = part_hashes(cycle.problem_from_anywhere(k))
-        parts |= {f"{part}{_OF_MOVE}'{leg.name}'": value for part, value in of_leg.items()}
-    return parts
-
-
-def differing_cycle_parts(cycle: Cycle, stated: Mapping[str, str]) -> list[str]:
-    """Return the parts in which a cycle differs from the cycle of the stated hashes.
-
-    A part that differs in every move is named once.
-    """
-    own = cycle_part_hashes(cycle)
-    differing = [name for name, value in own.items() if stated.get(name, value) != value]
-    moves: dict[str, list[str]] = {}
-    for name in differing:
-        part, _, move = name.partition(_OF_MOVE)
-        moves.setdefault(part, []).append(move)
-    return [
-        _OF_MOVE.join(filter(None, (part, name)))
-        for part, names in moves.items()
-        for name in ([""] if len(names) == len(cycle.legs) else names)
-    ]
 
 
 def _step_parts(cycle: Cycle) -> list[object]:

@@ -59,8 +59,8 @@ class ExportedMotion:
     @property
     def trajectory(self) -> JointTrajectory:
         """The whole motion."""
-        is_alone = isinstance(self.motion, JointTrajectory)
-        return self.motion if is_alone else self.motion.trajectory
+        motion = self.motion
+        return motion if isinstance(motion, JointTrajectory) else motion.trajectory
 
     @cached_property
     def samples(self) -> MotionSamples | TrajectorySamples:

@@ -13,13 +13,14 @@ from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.pose_configurations import spread_seeds
 from tubeplanner.outcome import Infeasible, Location
 from tubeplanner.output.drawing import BLOCKED_COLOR, directions, hull_surface, pipe, rgb
+from tubeplanner.output.page.motion_scene import build_scene
 from tubeplanner.output.page.panel import panel_data
-from tubeplanner.output.page.problem_scene import build_scene
 from tubeplanner.output.page.scene import Item, Layer, ShownTrajectory, poses_standing
 from tubeplanner.output.page.verdict import with_verdict
 from tubeplanner.output.page.viewer import View
 from tubeplanner.studies.explanation import Explanation, ineffective_text, setting_text, tried_text
 from tubeplanner.studies.remedies import Headroom, Remedy
+from tubeplanner.task.motion import ProblemMotion
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- The page: blockage and remedies, or slack.
@@ -45,7 +46,7 @@ def view_explanation(explanation: Explanation) -> View:
             "that helps and explain it again"
         )
     motion = None if result is None else result.trajectory
-    motions = {} if motion is None else {"shortest motion": motion}
+    motions = {} if motion is None else {"shortest motion": ProblemMotion(problem, motion)}
     scene = build_scene(problem, motions, at_rest=blocked_arm(problem, explanation))
     contact = contact_point(problem, explanation.location, explanation.configuration)
     items = with_blocked(scene.items, problem, explanation.location, contact, scene.thickness)
@@ -54,7 +55,7 @@ def view_explanation(explanation: Explanation) -> View:
     if motion is None or result is None or result.certificate is None:
         return View(scene, panel)
     judged = [result.certificate], result.sensitivities
-    return View(scene, with_verdict(panel, problem.robot, [motion], *judged))
+    return View(scene, with_verdict(panel, problem, [motion], *judged))
 
 
 def _findings(explanation: Explanation) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.binding_limits import LINKS, TOOL, ClosestPairs, binding_rows, closest_pairs
 from tubeplanner.limits.rates import ToolSpeed
 from tubeplanner.limits.speed_limits import POSITION
-from tubeplanner.output.curves import LimitedSection, segments_per_group, size_of
+from tubeplanner.output.curves import LimitedSection, cycle_timeline, segments_per_group, size_of
 from tubeplanner.output.drawing import (
     AXIS_COLORS,
     BLOCKED_COLOR,
@@ -34,10 +34,12 @@ from tubeplanner.output.drawing import (
     goal_ball,
     segment_color,
 )
-from tubeplanner.output.page.problem_scene import POINTER, ProblemScene
-from tubeplanner.output.page.scene import Layer, Scene, ShownTrajectory
-from tubeplanner.robot.model import RobotModel
+from tubeplanner.output.page.motion_scene import POINTER
+from tubeplanner.output.page.scene import Layer, Scene, ShownTrajectory, handed_over
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.motion import CycleMotion, Motion
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.steps import Move
 
 # ---- The text of the panel: titles, durations, layers with their colours, notes.
 
@@ -58,35 +60,39 @@ _USUAL_ENTRIES = {
 }
 
 
-def panel_data(scene: ProblemScene) -> dict[str, Any]:
-    """Return the panel of a problem's page and the frame of its scene, as JSON values."""
-    problem = scene.problem
+def panel_data(scene: Scene) -> dict[str, Any]:
+    """Return the panel of a page and the frame of its scene, as JSON values."""
+    task, moved = scene.task, handed_over(scene.task)
+    standing = [each.name for each in task.obstacles if each.name not in moved]
     words = {
-        Layer.CARRIED: listed("Carried", [solid.name for solid in problem.attached]),
-        Layer.TUBE: "Tube: the tool must stay inside",
-        Layer.REFERENCE: ("Goal of the tool" if problem.tube.is_anywhere else "Reference path")
-        + ", goal's ball" * len(goal_ball(problem.endpoints[1])),
-        Layer.OBSTACLES: listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),
+        Layer.CARRIED: _listed("Carried", [*(each.name for each in task.attached), *moved]),
+        Layer.OBSTACLES: _listed("Obstacles", standing),
     }
-    entries = {Layer.TUBE: _segment_entries(problem)}
-    layers = [layer_data(layer, scene, words, entries) for layer in scene.layers]
-    data = page_data(scene, arm_words(problem.robot), layers)
-    return {**data, "timelines": [problem_timeline(*each) for each in scene.sections]}
+    about = f"{task.robot.name}, {task.robot.joint_count} joints"
+    if isinstance(task, Cycle):
+        moves = [move for leg in task.legs for move in leg.moves]
+        balls = any(goal_ball(move.endpoint) for move in moves)
+        kind = "closed cycle" if task.closed else "cycle"
+        about += f"; {kind} of {len(moves)} move{'s' * (len(moves) > 1)}"
+        words[Layer.TUBE] = "Tubes of the moves (radius): the tool must stay inside"
+        words[Layer.REFERENCE] = "Reference paths" + ", goals' balls" * balls
+        entries = _move_entries(scene, moves)
+    else:
+        balls = len(goal_ball(task.endpoints[1])) > 0
+        line = "Goal of the tool" if task.tube.is_anywhere else "Reference path"
+        words[Layer.TUBE] = "Tube: the tool must stay inside"
+        words[Layer.REFERENCE] = line + ", goal's ball" * balls
+        entries = _segment_entries(task)
+    layers = [_layer_data(layer, scene, words, {Layer.TUBE: entries}) for layer in scene.layers]
+    timelines = [
+        motion_timeline(motion, sections, scene.duration)
+        for motion, sections in zip(scene.motions, scene.sections, strict=True)
+    ]
+    return {**_page_data(scene, about, layers), "timelines": timelines}
 
 
-def arm_words(robot: RobotModel) -> str:
-    """Return the words for an arm."""
-    return f"{robot.name}, {robot.joint_count} joints"
-
-
-def page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the text of a page's overlay and the frame of its scene, as JSON values.
-
-    Args:
-        scene: The scene.
-        about: Text below its name.
-        layers: As `layer_data` returns them.
-    """
+def _page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the text of a page's overlay and the frame of its scene, as JSON values."""
     many = len(scene.trajectories) > 1
     trajectories = [
         {**_trajectory_data(trajectory), "color": LINE_COLORS[i % len(LINE_COLORS)]}
@@ -154,7 +160,7 @@ def _trajectory_data(trajectory: ShownTrajectory) -> dict[str, Any]:
     }
 
 
-def layer_data(
+def _layer_data(
     layer: Layer,
     scene: Scene,
     words: Mapping[Layer, str],
@@ -198,7 +204,7 @@ def layer_data(
     return fields
 
 
-def listed(kind: str, names: Sequence[str]) -> str:
+def _listed(kind: str, names: Sequence[str]) -> str:
     """Return the label of a layer: its kind, and the names of its items."""
     return f"{kind}: {', '.join(names)}"
 
@@ -218,6 +224,22 @@ def _segment_entries(problem: PlanningProblem) -> list[dict[str, str]]:
         text = f"and so on: {len(radii)} segments, {low:.3g} to {high:.3g} mm"
         text += " (of boxes, half the smaller side)" * bool(tube.is_box.any())
         entries.append({"color": "", "text": text})
+    return entries
+
+
+def _move_entries(scene: Scene, moves: Sequence[Move]) -> list[dict[str, str]]:
+    """Return colour, name and tube of every move, and its duration if there is a single motion."""
+    motion = scene.motions[0] if len(scene.motions) == 1 else None
+    times = motion.move_times if isinstance(motion, CycleMotion) else {}
+    entries = []
+    for k, move in enumerate(moves):
+        begin, end = times.get(move.name, (0.0, 0.0))
+        lasts = f", {end - begin:.3f} s" if move.name in times else ""
+        radii = 1000 * move.tube.effective_radius  # of boxes half the smaller side
+        low, high = f"{radii.min():.3g}", f"{radii.max():.3g}"
+        size = f"{low} mm" if low == high else f"{low} to {high} mm"
+        text = f"{move.name}: {size}{lasts}"
+        entries.append({"color": segment_color(k), "text": text})
     return entries
 
 
@@ -357,12 +379,18 @@ def _rounded(values: FloatArray, digits: int) -> list[float | None]:
     ]
 
 
-# ---- The time line of a motion of a problem: segments of the tool, binding limits.
+# ---- The time line of a motion: segments of the tool or moves and rests, binding limits.
 
 
-def problem_timeline(section: LimitedSection) -> dict[str, Any]:
-    """Return the time line of a motion of a problem as JSON values."""
-    return {"bands": segment_bands(section), "rests": [], "binds": binding_marks([section])}
+def motion_timeline(
+    motion: Motion, sections: Sequence[LimitedSection], duration: float
+) -> dict[str, Any]:
+    """Return the time line of a motion, on a page of a duration [s], as JSON values."""
+    if isinstance(motion, CycleMotion):
+        line = cycle_timeline(motion).as_dict(duration)
+    else:
+        line = {"bands": segment_bands(sections[0]), "rests": []}
+    return {**line, "binds": binding_marks(sections)}
 
 
 def segment_bands(section: LimitedSection) -> list[dict[str, Any]]:

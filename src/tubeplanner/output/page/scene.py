@@ -13,15 +13,26 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.first_guess.branches import end_configuration
-from tubeplanner.geometry.convex_shapes import convex_hull
+from tubeplanner.geometry.convex_shapes import ConvexShape, convex_hull
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.outcome import Infeasible
 from tubeplanner.output.curves import LimitedSection
-from tubeplanner.output.drawing import Surface, best_direction, floor_grid, outline
+from tubeplanner.output.drawing import (
+    Surface,
+    best_direction,
+    floor_grid,
+    joined,
+    outline,
+    shape_surface,
+)
 from tubeplanner.output.execution_curves import ExecutedPaths
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.motion import Motion, Task
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.steps import Attach, Detach
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.parts import Mark
 
 # ---- The frame of a scene: offsets between trajectories, direction of sight, floor.
 
@@ -152,6 +163,8 @@ class Scene:
 
     Attributes:
         name: Of the problem or cycle.
+        task: The problem or cycle.
+        motions: Of the trajectories; none if the arm is at rest.
         trajectories: At least one; of no duration without a motion.
         items: Surfaces.
         frame: Offsets, direction of sight and floor.
@@ -162,6 +175,8 @@ class Scene:
     """
 
     name: str
+    task: Task
+    motions: tuple[Motion, ...]
     trajectories: tuple[ShownTrajectory, ...]
     items: tuple[Item, ...]
     frame: SceneFrame
@@ -280,3 +295,86 @@ def _posed(
     tool, jacobian = robot.tool_jacobian(q)
     speed = np.linalg.norm(np.einsum("tij,tj->ti", jacobian[:, :3], velocity), axis=1)
     return ShownTrajectory(name, time, rotation, position, tool, speed)
+
+
+# ---- Parts of a cycle over time: at rest, carried by the tool, at rest where it let go.
+
+
+@dataclass(frozen=True, eq=False)
+class MovedPart:
+    """A part that the tool takes or lets go, at T times.
+
+    Attributes:
+        name: Successive parts may share a name.
+        surface: In its own frame.
+        poses: Of its frame, base frame, shape (T, 4, 4).
+        present: True while it is there, shape (T,).
+    """
+
+    name: str
+    surface: Surface
+    poses: FloatArray
+    present: BoolArray
+
+    def carry(self, first: int, tool: FloatArray) -> None:
+        """Move the part with the tool frame, shape (T, 4, 4), from a time's index on."""
+        grip = np.linalg.solve(tool[first], self.poses[first])
+        self.poses[first:] = tool[first:] @ grip
+
+    def seen_at(self, step: int) -> FloatArray:
+        """Return the vertices at a time, base frame, shape (V, 3) [m]; none if absent."""
+        return self.surface.moved(self.poses[step]).vertices[: None if self.present[step] else 0]
+
+    def put_down(self, first: int, *, stays: bool) -> None:
+        """Leave the part at rest from a time's index on, or remove the part."""
+        self.poses[first:] = self.poses[first]
+        self.present[first:] = stays
+
+
+def handed_over(task: Task) -> tuple[str, ...]:
+    """Return the names of the parts that a cycle's steps hand over; none of a problem."""
+    steps = task.steps if isinstance(task, Cycle) else ()
+    return tuple(dict.fromkeys(step.name for step in steps if isinstance(step, Attach)))
+
+
+def moved_parts(task: Task, marks: Sequence[Mark], shown: ShownTrajectory) -> list[MovedPart]:
+    """Return the parts that a cycle's steps hand over.
+
+    Args:
+        task: The cycle; a problem has no such parts.
+        marks: Begins of its steps; none: nothing is handed over yet.
+        shown: Poses of the arm, at the times of all marks among others.
+    """
+    if not isinstance(task, Cycle):
+        return []
+    time, body = shown.time, task.robot.link_body[task.robot.tool_frame]
+    poses = np.array([shown.placement(step, body) for step in range(len(time))])
+    tool = np.array(poses @ task.robot.link_placement[task.robot.tool_frame])
+    parts = [
+        _part(obstacle.name, obstacle.shapes, len(time))
+        for obstacle in task.obstacles
+        if obstacle.name in handed_over(task)
+    ]
+    present = {part.name: part for part in parts}
+    for step, mark in zip(task.steps, marks, strict=False):
+        first = int(np.searchsorted(time, mark.time))
+        if isinstance(step, Attach):
+            if step.name not in present and step.solid is not None:
+                part = _part(step.name, step.solid.shapes, len(time))
+                part.poses[:] = tool[first]
+                part.present[:first] = False
+                present[step.name] = part
+                parts.append(part)
+            if step.name in present:
+                present[step.name].carry(first, tool)
+        elif isinstance(step, Detach) and step.name in present:
+            present[step.name].put_down(first, stays=step.leaves_obstacle)
+            if not step.leaves_obstacle:
+                del present[step.name]
+    return parts
+
+
+def _part(name: str, shapes: Sequence[ConvexShape], count: int) -> MovedPart:
+    """Return a part at rest at a number of times."""
+    surface = joined(shape_surface(shape) for shape in shapes)
+    return MovedPart(name, surface, np.tile(np.eye(4), (count, 1, 1)), np.ones(count, bool))

@@ -13,6 +13,7 @@ from tubeplanner.certificate.verification import Certificate, CycleCertificate
 from tubeplanner.limits.peaks import trajectory_peaks
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.motion import Task
 from tubeplanner.text import LimitCost, savings
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -24,24 +25,25 @@ _HOUR = 3600.0  # [s]
 
 def with_verdict(
     panel: dict[str, Any],
-    robot: RobotModel,
+    task: Task,
     motions: Sequence[JointTrajectory],
     certificates: Sequence[Certificate | CycleCertificate] = (),
     sensitivities: Sequence[LimitCost] = (),
-    cycle: Cycle | None = None,
 ) -> dict[str, Any]:
     """Return a panel with the verdicts of its motions, their peaks, and facts on robot and plan.
 
     Args:
         panel: The panel, as JSON values.
-        robot: The arm.
+        task: The problem or the cycle.
         motions: The motions of the panel, in its order.
         certificates: Their certificates; none: there is no verdict.
         sensitivities: Costs of limits, the largest first; none: not known.
-        cycle: The cycle of the motions; None: they are of a problem.
     """
     if not motions:  # the arm at rest
         return panel
+    robot, arms = task.robot, [task.robot]
+    if isinstance(task, Cycle):
+        arms = [leg.robot for leg in task.legs]
     shown = []
     for stated, motion in zip(panel["trajectories"], motions, strict=False):
         peaks = trajectory_peaks(robot, motion)
@@ -55,11 +57,10 @@ def with_verdict(
     for stated, certificate in zip(shown, certificates, strict=False):
         stated["verdict"] = _verdict(certificate)
     facts = []  # what, value, and True if it is shown on demand
-    if len(shown) == 1 and cycle is not None:
+    if len(shown) == 1 and isinstance(task, Cycle):
         facts.append(("cycles per hour", f"{_HOUR / shown[0]['duration']:.0f}", False))
     if largest := "; ".join(savings(sensitivities)[:_MAX_SAVINGS]):
         facts.append(("raising a limit by 10 % would save", largest, False))
-    arms = [robot] if cycle is None else [leg.robot for leg in cycle.legs]
     masses = {0.0 if arm.payload is None else arm.payload.mass for arm in arms}
     payload = " to ".join(f"{mass:g}" for mass in sorted({min(masses), max(masses)}))
     facts.append(("payload", "none" if payload == "0" else f"{payload} kg", True))

@@ -20,14 +20,17 @@ from uuid import UUID
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.cycle_verification import CycleCertificate
 from tubeplanner.certificate.verification import Certificate
-from tubeplanner.errors import OptionError, OutputError
+from tubeplanner.errors import OptionError, OutputError, TrajectoryError
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.output.drawing import EXECUTED_COLOR, WARNING_COLOR, rgb
+from tubeplanner.output.page.motion_scene import build_scene
 from tubeplanner.output.page.panel import panel_data
-from tubeplanner.output.page.problem_scene import build_scene
 from tubeplanner.output.page.scene import Item, Layer, Scene
 from tubeplanner.output.page.verdict import with_verdict
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.motion import CycleMotion, Motion, ProblemMotion, Task
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import LimitCost, short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -178,13 +181,72 @@ def view(
         many = len(trajectories) > 1
         names = [f"trajectory {i + 1}" if many else "trajectory" for i in range(len(trajectories))]
     require_names(names, len(trajectories))
-    if execution is not None and len(trajectories) != 1:
-        raise OptionError(f"execution goes with one trajectory, not {len(trajectories)}; give one")
-    named = dict(zip(names, trajectories, strict=True))
-    scene = build_scene(problem, named, execution, notes=notes, empty_handed=empty_handed)
+    motions = {}
+    for name, trajectory in zip(names, trajectories, strict=True):
+        try:
+            motions[name] = ProblemMotion(problem, trajectory)
+        except TrajectoryError as error:
+            raise TrajectoryError(f"{name}: {error}") from error
+    options = {"notes": notes, "empty_handed": empty_handed}
+    judged = {"certificates": certificates, "sensitivities": sensitivities}
+    return view_motions(problem, motions, execution, **options, **judged)
+
+
+def view_cycle(
+    cycle: Cycle,
+    motions: Sequence[CycleMotion] = (),
+    names: Sequence[str] | None = None,
+    notes: Sequence[str] = (),
+    execution: Execution | None = None,
+    certificates: Sequence[CycleCertificate] = (),
+    sensitivities: Sequence[LimitCost] = (),
+) -> View:
+    """Return a view of a cycle with motions side by side; without any, at its start.
+
+    With an execution, also the paths of the tool, in another colour outside the tube of the move.
+
+    Args:
+        cycle: The cycle.
+        motions: Of the cycle.
+        names: Names of the motions; default: numbers.
+        notes: Shown on the page before its own notes.
+        execution: Of the one motion.
+        certificates: Of the motions; none: the page has no verdict.
+        sensitivities: Costs of limits, the largest first.
+
+    Raises:
+        ProblemError: `cycle` is no Cycle.
+        OptionError: The numbers of names and motions differ, or two names are equal; or there is
+            an execution, and not one motion.
+        RobotError: The robot's geometry is of a kind no URDF has.
+    """
+    Cycle.require(cycle)
+    if names is None:
+        names = [f"motion {i + 1}" for i in range(len(motions))]
+    shown = dict(zip(names, motions, strict=False))
+    require_names(names, len(motions))
+    judged = {"certificates": certificates, "sensitivities": sensitivities}
+    return view_motions(cycle, shown, execution, notes=notes, **judged)
+
+
+def view_motions(
+    task: Task,
+    motions: Mapping[str, Motion],
+    execution: Execution | None = None,
+    *,
+    notes: Sequence[str] = (),
+    empty_handed: Collection[str] = (),
+    certificates: Sequence[Certificate | CycleCertificate] = (),
+    sensitivities: Sequence[LimitCost] = (),
+) -> View:
+    """Return a view of motions by name, as `view` or `view_cycle`."""
+    if execution is not None and len(motions) != 1:
+        noun = "motion" if isinstance(task, Cycle) else "trajectory"
+        raise OptionError(f"execution goes with one {noun}, not {len(motions)}; give one")
+    scene = build_scene(task, motions, execution, notes=notes, empty_handed=empty_handed)
+    trajectories = [motion.trajectory for motion in motions.values()]
     panel = panel_data(scene)
-    shown = problem.robot, trajectories, certificates, sensitivities
-    return View(scene, with_verdict(panel, *shown))
+    return View(scene, with_verdict(panel, task, trajectories, certificates, sensitivities))
 
 
 def require_names(names: Sequence[str], count: int) -> None:

@@ -1,19 +1,19 @@
-"""Scene of a problem: arm, solids, tube, paths, tool axes, tolerance cones."""
+"""Scene of a problem or a cycle with motions: arm, solids, tubes, paths, tool axes, cones."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
-from tubeplanner.errors import TrajectoryError
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.orientation import rotation_matrix
-from tubeplanner.output.curves import LimitedSection
+from tubeplanner.output.curves import LimitedSection, limited_sections, tube_name
 from tubeplanner.output.drawing import (
     AXIS_COLORS,
     CARRIED_COLOR,
@@ -34,12 +34,7 @@ from tubeplanner.output.drawing import (
     speed_colors,
     tube_surfaces,
 )
-from tubeplanner.output.execution_curves import (
-    BESIDE_EXECUTED,
-    EXECUTED_STEPS,
-    executed_paths,
-    tool_runs,
-)
+from tubeplanner.output.execution_curves import BESIDE_EXECUTED, motion_paths
 from tubeplanner.output.link_visuals import (
     MAX_FACES,
     LinkPart,
@@ -53,131 +48,185 @@ from tubeplanner.output.page.scene import (
     Scene,
     ShownTrajectory,
     direction_of,
+    handed_over,
+    moved_parts,
     poses_along,
     poses_at_rest,
     scene_frame,
     with_bodies,
 )
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.motion import CycleMotion, Motion, Task
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- The scene of a problem and its trajectories.
+# ---- The scene of a problem or a cycle and its motions.
 
-_FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 240
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ProblemScene(Scene):
-    """The scene of a problem.
-
-    Attributes:
-        problem: The problem.
-    """
-
-    problem: PlanningProblem
+_FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES, _MAX_CYCLE_FRAMES = 200, 80, 240, 1200
+_SWEEP_STEPS, _MAX_SWEEP_STEPS = 24, 96  # of a tube, of all
 
 
 def build_scene(
-    problem: PlanningProblem,
-    named: Mapping[str, JointTrajectory],
+    task: Task,
+    motions: Mapping[str, Motion],
     execution: Execution | None = None,
     *,
     at_rest: ShownTrajectory | None = None,
     notes: Sequence[str] = (),
     empty_handed: Collection[str] = (),
-) -> ProblemScene:
-    """Return the scene of a problem and some trajectories, by name.
+) -> Scene:
+    """Return the scene of a problem or a cycle and some motions, by name.
 
-    Without a trajectory the arm rests as in `at_rest`, else at the start. An execution belongs to
-    the one trajectory. Trajectories in `empty_handed` are drawn without the problem's carried
-    solids. Notes of the scene begin with `notes`.
+    Without a motion the arm rests as in `at_rest`, else at the start. An execution belongs to the
+    one motion. Motions in `empty_handed` are drawn without the carried solids. Parts that are taken
+    or let go are bodies of their own, after the arm's. Notes of the scene begin with `notes`.
 
     Raises:
-        TrajectoryError: A trajectory moves other joints than the problem's; the message names it.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
-    all_notes, robot = list(notes), problem.robot
-    motions = {}
-    for name, trajectory in named.items():
-        try:
-            motions[name] = trajectory.reordered(robot.joint_names)
-        except TrajectoryError as error:
-            raise TrajectoryError(f"{name}: {error}") from error
-    sections = tuple((LimitedSection(problem, motion),) for motion in motions.values())
-    arms = []
-    for name, motion in motions.items():
-        count = int(np.ceil(_FRAMES_PER_SECOND * motion.duration))
-        frames = min(max(count, _MIN_FRAMES), _MAX_FRAMES)
-        time = np.linspace(0.0, motion.duration, frames)
-        arms.append(poses_along(robot, name, motion, time))
-    arms = arms or [at_rest or poses_at_rest(problem, all_notes)]
-    parts, notes_of_parts = link_parts(robot, MAX_FACES // len(arms))
-    carried = carried_surfaces(robot, problem.attached)
-    hulls = arm_hulls(parts, carried)
-    tube = [] if problem.tube.is_anywhere else tube_surfaces(problem.tube)
-    swept = [swept_surface(each, hulls) for each in arms]
+    all_notes, robot, is_cycle = list(notes), task.robot, isinstance(task, Cycle)
+    arms = [
+        poses_along(robot, name, motion.trajectory, _frame_times(motion))
+        for name, motion in motions.items()
+    ]
+    if not arms:
+        first = task.problem_from_anywhere(0) if isinstance(task, Cycle) else task
+        arms = [at_rest or poses_at_rest(first, all_notes)]
+    marks = [motion.marks for motion in motions.values()] or [()]
+    parts = [moved_parts(task, *each) for each in zip(marks, arms, strict=True)]
+    arms = [with_bodies(*each) for each in zip(arms, parts, strict=True)]
+    sections = tuple(limited_sections(motion) for motion in motions.values())
+    links, notes_of_links = link_parts(robot, MAX_FACES // len(arms))
+    carried = carried_surfaces(robot, task.attached)
+    hulls = arm_hulls(links, carried)
+    cell = _cycle_cell(task) if isinstance(task, Cycle) else _problem_cell(task)
+    steps = min(_SWEEP_STEPS * len(cell.tubes), _MAX_SWEEP_STEPS)
+    swept = [swept_surface(each, hulls, steps) for each in arms]
     fixed = [points for body, points in hulls if body == 0]
-    points = [*(surface.vertices for surface in [*swept, *tube]), *fixed, problem.tube.points]
-    direction = direction_of(arms[0], [problem.tube.points], problem.obstacles, hulls)
-    thickness = line_thickness([problem.tube], float(np.ptp(np.vstack(points), axis=0).max()))
+    points = [*(surface.vertices for surface in [*swept, *cell.surfaces]), *fixed]
+    lines = [tube.points for tube in cell.tubes]
+    points += [part.seen_at(step) for each in parts for part in each for step in (0, -1)]
+    points += [] if is_cycle else lines
+    direction = direction_of(arms[0], lines, cell.obstacles, hulls)
+    thickness = line_thickness(cell.tubes, float(np.ptp(np.vstack(points), axis=0).max()))
     fastest = max(float(each.speed.max()) for each in arms)
-    width = thickness if execution is None else BESIDE_EXECUTED * thickness
-    executed = None
+    width, executed = thickness, None
     if execution is not None:
-        (trajectory,) = named.values()
-        executed = executed_paths(tool_runs(problem, trajectory, execution), EXECUTED_STEPS)
+        (motion,) = motions.values()
+        width, executed = BESIDE_EXECUTED * thickness, motion_paths(motion, execution)
     items: list[Item] = []
-    for i, each in enumerate(arms):
+    for i, (each, own_parts) in enumerate(zip(arms, parts, strict=True)):
+        first_body = each.rotation.shape[1] - len(own_parts)
+        bodies = [
+            (first_body + k, f"{part.name}/{k}", part.surface) for k, part in enumerate(own_parts)
+        ]
         own = sections[i] if sections else ()
-        arms[i], orientation = tool_orientation(i, robot, [problem.tube], own, each, thickness)
-        items += arm_items(i, parts)
-        items += carried_items(i, () if each.name in empty_handed else carried)
-        items += _surroundings(i, problem, tube, thickness)
+        arms[i], orientation = tool_orientation(i, robot, cell.tubes, own, each, thickness)
+        items += arm_items(i, links)
+        items += carried_items(i, [*(() if each.name in empty_handed else carried), *bodies])
+        items += [*cell.items(i, thickness), *obstacle_items(i, cell.obstacles)]
         items += tool_items(i, each, robot, width, fastest)
-        items += [*orientation, *swept_item(i, each, swept[i])]
-    return ProblemScene(
-        name=problem.name,
+        last = [orientation, swept_item(i, each, swept[i])]
+        items += [item for group in (last[::-1] if is_cycle else last) for item in group]
+    return Scene(
+        name=task.name,
+        task=task,
+        motions=tuple(motions.values()),
         trajectories=tuple(arms),
         items=tuple(items),
         frame=scene_frame(points, direction, len(arms)),
         thickness=thickness,
-        notes=(*all_notes, *notes_of_parts),
+        notes=(*all_notes, *notes_of_links),
         sections=sections,
         executed=executed,
-        problem=problem,
     )
 
 
-def _surroundings(
-    trajectory: int, problem: PlanningProblem, tube: list[Surface], thickness: float
+def _frame_times(motion: Motion) -> FloatArray:
+    """Return the times of a motion's frames (T,) [s], among them those of all marks."""
+    duration = motion.trajectory.duration
+    if not isinstance(motion, CycleMotion):
+        count = int(np.ceil(_FRAMES_PER_SECOND * duration))
+        return np.linspace(0.0, duration, min(max(count, _MIN_FRAMES), _MAX_FRAMES))
+    instants = sorted({0.0, *(mark.time for mark in motion.marks), duration})
+    rate = min(max(_FRAMES_PER_SECOND, _MIN_FRAMES / duration), _MAX_CYCLE_FRAMES / duration)
+    spans = [
+        np.linspace(begin, end, int(np.ceil(rate * (end - begin))) + 1)[1:]
+        for begin, end in pairwise(instants)
+    ]
+    return np.concatenate([[0.0], *spans])
+
+
+@dataclass(frozen=True, eq=False)
+class _Cell:
+    """What stands about an arm.
+
+    Attributes:
+        tubes: All tubes.
+        surfaces: Of the tubes.
+        obstacles: Obstacles that nobody moves.
+        items: Function from a motion's index and the radius of lines [m] to the items of tubes,
+            reference paths and goals.
+    """
+
+    tubes: Sequence[Tube]
+    surfaces: Sequence[Surface]
+    obstacles: Sequence[Obstacle]
+    items: Callable[[int, float], list[Item]]
+
+
+def _problem_cell(problem: PlanningProblem) -> _Cell:
+    surfaces = [] if problem.tube.is_anywhere else tube_surfaces(problem.tube)
+    items = partial(_problem_items, problem, surfaces)
+    return _Cell([problem.tube], surfaces, problem.obstacles, items)
+
+
+def _problem_items(
+    problem: PlanningProblem, tube: list[Surface], i: int, thickness: float
 ) -> list[Item]:
-    """Return tube, reference path and goal, for lines of a radius [m], and obstacles.
+    """Return the tube in the colours of its segments, its reference path and its goal.
 
     Without a tube there is no path: its two points are the tool's at start and goal.
     """
     items = []
     for k, surface in enumerate(tube):
         color, is_smooth = rgb(segment_color(k)), not problem.tube.is_box[k]
-        items.append(
-            Item(Layer.TUBE, trajectory, f"segment_{k}", surface, color, 0.3, is_smooth=is_smooth)
-        )
-    goal = [(ball, 0.35) for ball in goal_ball(problem.endpoints[1])]
+        items.append(Item(Layer.TUBE, i, f"segment_{k}", surface, color, 0.3, is_smooth=is_smooth))
+    goal = [(ball, _BALL_OPACITY) for ball in goal_ball(problem.endpoints[1])]
     if tube:
-        items.append(reference_item(trajectory, "path", problem.tube.points, thickness))
+        items.append(reference_item(i, "path", problem.tube.points, thickness))
     elif problem.goal is not None:
         point = problem.tube.points[-1] + 1.8 * thickness * directions(_BALL_POINTS)
         goal.append((hull_surface(point), 1.0))
     for k, (ball, opacity) in enumerate(goal):
-        name, color = "goal" + f"_{k}" * (k > 0), rgb(REFERENCE_COLOR)
-        items.append(Item(Layer.REFERENCE, trajectory, name, ball, color, opacity))
-    return items + obstacle_items(trajectory, problem.obstacles)
+        name = "goal" + f"_{k}" * (k > 0)
+        items.append(Item(Layer.REFERENCE, i, name, ball, rgb(REFERENCE_COLOR), opacity))
+    return items
+
+
+def _cycle_cell(cycle: Cycle) -> _Cell:
+    tubes = [move.tube for leg in cycle.legs for move in leg.moves]
+    surfaces = [joined(tube_surfaces(tube)) for tube in tubes]
+    moved = handed_over(cycle)
+    standing = [each for each in cycle.obstacles if each.name not in moved]
+    return _Cell(tubes, surfaces, standing, partial(_cycle_items, cycle, surfaces))
+
+
+def _cycle_items(cycle: Cycle, tubes: list[Surface], i: int, thickness: float) -> list[Item]:
+    """Return the tubes of moves, in a colour each, their reference paths and goal balls."""
+    items, moves = [], [move for leg in cycle.legs for move in leg.moves]
+    for k, (move, surface) in enumerate(zip(moves, tubes, strict=True)):
+        items.append(Item(Layer.TUBE, i, tube_name(k), surface, rgb(segment_color(k)), 0.2))
+        items.append(reference_item(i, f"move_{k}", move.tube.points, thickness))
+        for ball in goal_ball(move.endpoint):
+            color = rgb(REFERENCE_COLOR)
+            items.append(Item(Layer.REFERENCE, i, f"goal_{k}", ball, color, _BALL_OPACITY))
+    return items
 
 
 # ---- The items of a scene: arm, solids, tube, paths, and the space swept by links.
 
-_SWEEP_STEPS = 24
-_BALL_POINTS = 150
+_BALL_POINTS, _BALL_OPACITY = 150, 0.35
 _POINT_COLOR = "#111111"
 
 
@@ -246,7 +295,7 @@ def swept_item(i: int, trajectory: ShownTrajectory, swept: Surface) -> list[Item
 
 
 def swept_surface(
-    trajectory: ShownTrajectory, hulls: list[tuple[int, FloatArray]], steps: int = _SWEEP_STEPS
+    trajectory: ShownTrajectory, hulls: list[tuple[int, FloatArray]], steps: int
 ) -> Surface:
     """Return the space swept by moving links: hulls of each in successive pairs of poses.
 
