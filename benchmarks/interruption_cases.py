@@ -75,7 +75,7 @@ info: [info PROBLEM PNG, a.png, cli.info:problem_info]
 simulate:
   - simulate PROBLEM MOTION --runs 3 PNG HTML
   - a.png a.html
-  - cli.simulate:executed cli.simulate:judged_runs
+  - cli.simulate:executed_cycle cli.simulate:judged_cycle
 explain:
   - explain PROBLEM --quality fast --time-limit 4 --processes 1 HTML
   - a.html

@@ -34,10 +34,7 @@ def real_figures():
     """
     from matplotlib.figure import Figure
 
-    from tubeplanner.output.figures import execution_figures as cycle_execution_plot
-    from tubeplanner.output.figures import execution_figures as execution_plot
-    from tubeplanner.output.figures import trajectory_figures as cycle_plot
-    from tubeplanner.output.figures import trajectory_figures as plotting
+    from tubeplanner.output.figures import execution_figures, trajectory_figures
 
     def figure_file(figure, path):
         assert isinstance(figure, Figure)
@@ -45,10 +42,8 @@ def real_figures():
 
     instead = {
         (figure_files, "figure_file"): figure_file,
-        (plotting, "plot_trajectory"): lambda problem, trajectory: Figure(),
-        (cycle_plot, "plot_cycle"): lambda cycle, motion: Figure(),
-        (execution_plot, "plot_execution"): lambda problem, motion, runs, judged: Figure(),
-        (cycle_execution_plot, "plot_cycle_execution"): lambda motion, runs, judged: Figure(),
+        (trajectory_figures, "plot_motion"): lambda motion: Figure(),
+        (execution_figures, "plot_executed_motion"): lambda motion, runs, judged: Figure(),
     }
     instead = {
         (module, name): function

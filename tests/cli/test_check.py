@@ -8,7 +8,7 @@ from stored_trajectories import REFINEMENT, stored_path, stored_trajectory
 
 from tubeplanner import OptionError
 from tubeplanner.cli.check import CONTROLLERS, judged_by
-from tubeplanner.output.files.trajectory_writer import TrajectoryFiles, cycle_contents
+from tubeplanner.output.files.trajectory_writer import write_cycle_motion
 
 SHELVES = "panda/between_shelves"
 PANDA = f"example:{SHELVES}"
@@ -103,10 +103,8 @@ def folder(tmp_path_factory, small_plan):
     """A folder with a cycle and the files of its motion."""
     folder = tmp_path_factory.mktemp("cycle")
     (folder / "small.yaml").write_text(SMALL)
-    files = TrajectoryFiles(folder / "t.json", folder / "t.csv", folder / "t.yaml", rate=200)
-    contents, _ = cycle_contents(files, small_plan.motion, "refinement")
-    for path, data in contents.items():
-        path.write_bytes(data)
+    for name in ("t.json", "t.csv", "t.yaml"):
+        write_cycle_motion(folder / name, small_plan.motion, rate=200)
     return folder
 
 

@@ -10,7 +10,7 @@ from small_cycle import small_cycle
 from tubeplanner import compare
 from tubeplanner.cli import compare as comparison_report
 from tubeplanner.cli import report
-from tubeplanner.cli.report import cycle_plan_text
+from tubeplanner.cli.report import plan_text
 from tubeplanner.geometry.collision_checker import LeftOutPair
 from tubeplanner.planning.result import CycleSensitivity
 
@@ -77,7 +77,7 @@ def test_the_note_on_pairs_says_in_how_many_configurations_they_touch():
 
 
 def text_of(result):
-    return cycle_plan_text(small_cycle(), result, 0.5)
+    return plan_text(small_cycle(), result, 0.5)
 
 
 def test_moves_and_rests_follow_each_other_without_a_gap(small_plan):

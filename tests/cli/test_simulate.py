@@ -8,7 +8,7 @@ from simulated_cycle import DURATION, DWELL, SEAMS, motion_of, slide
 from stored_trajectories import REFINEMENT, stored_path
 
 from tubeplanner import OutputError
-from tubeplanner.output.files.trajectory_writer import TrajectoryFiles, cycle_contents
+from tubeplanner.output.files.trajectory_writer import write_cycle_motion
 from tubeplanner.task.cycle_file import load_cycle
 
 NAME = "two_link/around_a_post"
@@ -76,7 +76,7 @@ def test_a_page_that_fails_costs_neither_the_figure_nor_the_answer(run, tmp_path
     def failing(*_, **__):
         raise OutputError("no page today")
 
-    monkeypatch.setattr("tubeplanner.cli.simulate.view", failing)
+    monkeypatch.setattr("tubeplanner.cli.simulate.view_motions", failing)
     plot = tmp_path / "runs.png"
     files = ("--plot", plot, "--html", tmp_path / "runs.html")
     status, text, error = run("simulate", *CASE, "--runs", "1", *files)
@@ -96,8 +96,7 @@ def case(tmp_path_factory):
     cycle, trajectory = folder / "cycle.yaml", folder / "motion.json"
     cycle.write_text(text)
     motion = motion_of(load_cycle(cycle))
-    contents, _ = cycle_contents(TrajectoryFiles(trajectory), motion, "by hand")
-    trajectory.write_bytes(contents[trajectory])
+    write_cycle_motion(trajectory, motion)
     return cycle, trajectory
 
 

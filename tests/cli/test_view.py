@@ -7,7 +7,7 @@ import pytest
 from cases import SLIDE, rest_to_rest
 from shown_cycle import data_of
 
-from tubeplanner.output.files.trajectory_writer import TrajectoryFiles, cycle_contents
+from tubeplanner.output.files.trajectory_writer import write_cycle_motion
 from tubeplanner.task.cycle_file import load_cycle
 from tubeplanner.task.motion import LegMotion, cycle_motion
 
@@ -47,9 +47,7 @@ def folder(tmp_path_factory):
         ends = ((START, END), (END, START))
         legs = [rest_to_rest(cycle.robot.joint_names, *pair, duration) for pair in ends]
         motion = cycle_motion(cycle, [LegMotion(leg) for leg in legs])
-        path = folder / f"{name}.json"
-        contents, _ = cycle_contents(TrajectoryFiles(path), motion, "by hand")
-        path.write_bytes(contents[path])
+        write_cycle_motion(folder / f"{name}.json", motion)
     return folder
 
 

@@ -13,8 +13,7 @@ from tubeplanner.output import link_visuals
 from tubeplanner.output.figures import figure_files
 from tubeplanner.output.figures import rendering as rendered_solids
 from tubeplanner.output.figures import space_panel as space_solids
-from tubeplanner.output.page import cycle_page as cycle_scene
-from tubeplanner.output.page import problem_scene
+from tubeplanner.output.page import motion_scene
 
 NO_BROWSER = "no Chromium found (Debian: apt-get install --no-install-recommends chromium)"
 
@@ -34,7 +33,7 @@ def quick_pictures():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figure_files, "_DPI", 40)
         patch.setattr(rendered_solids, "_PIXELS", 60)
-        for module in (problem_scene, cycle_scene, space_solids):
+        for module in (motion_scene, space_solids):
             patch.setattr(module, "link_parts", link_parts)
         yield
 

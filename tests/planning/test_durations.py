@@ -3,7 +3,6 @@
 from dataclasses import replace
 from functools import cache
 from math import ceil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from tubeplanner import JointTrajectory, Objective, PlanOptions, plan, verify
 from tubeplanner.limits.motor_costs import EffortCosts
 from tubeplanner.optimizer.stages import Refinement, SecondStage
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
-from tubeplanner.output.files.trajectory_writer import TrajectoryFiles
+from tubeplanner.output.files.trajectory_writer import FORMATS, ExportedMotion
 from tubeplanner.planning.second_stage import (
     cheapest_duration,
     fewest_periods,
@@ -21,6 +20,7 @@ from tubeplanner.planning.second_stage import (
     most_periods,
     no_longer,
 )
+from tubeplanner.task.motion import ProblemMotion
 from tubeplanner.trajectory.reader import joined_samples
 
 LINE, POST = "two_link/paper_1_30mm", "two_link/around_a_post"
@@ -113,9 +113,10 @@ def test_duration_and_all_breakpoints_are_multiples(periodic, least):
         np.testing.assert_array_equal(trajectory.breakpoints, locations * period)
         assert verify(problem, trajectory).passed
     assert not any("multiple of the period" in note for note in result.notes)
-    contents, notes = TrajectoryFiles(csv=Path("t.csv")).contents(result.trajectory, problem)
-    assert notes == ()
-    rows = contents[Path("t.csv")].decode().splitlines()
+    exported = ExportedMotion(ProblemMotion(problem, result.trajectory))
+    _, csv, _ = FORMATS
+    rows = csv.text(exported).splitlines()
+    assert exported.notes == ()
     assert len(rows) == 2 + in_periods(result.duration, period)
     samples = result.trajectory.sample(1 / period)
     known = (samples.position, samples.velocity, samples.acceleration)

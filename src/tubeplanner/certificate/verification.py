@@ -56,7 +56,7 @@ from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.legs import Stop
-from tubeplanner.task.motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion, Motion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Event
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -396,6 +396,15 @@ def verify_cycle(
         }
         moves |= dict.fromkeys(leg.names, replace(judged, conditions=conditions))
     return CycleCertificate(moves, dict(_judged_junctions(cycle, motion)), refused, tolerance)
+
+
+def verify_motion(
+    motion: Motion, tolerance: Tolerance | None = None
+) -> Certificate | CycleCertificate:
+    """Judge the motion of a problem or a cycle, as `verify` or `verify_cycle`."""
+    if isinstance(motion, CycleMotion):
+        return verify_cycle(motion.cycle, motion, tolerance)
+    return verify(motion.task, motion.trajectory, tolerance)
 
 
 def _judged_junctions(

@@ -5,6 +5,7 @@ Figures and pages are imported only on request: they load parts of SciPy that pl
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +13,16 @@ import click
 
 from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
-from tubeplanner.cli.report import cycle_plan_text, plan_text
+from tubeplanner.cli.report import plan_text
 from tubeplanner.errors import OptionError
 from tubeplanner.limits.peaks import peaks_as_dict, trajectory_peaks
 from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
-from tubeplanner.output.files.trajectory_writer import FORMATS, ExportedMotion, require_rate
+from tubeplanner.output.files.trajectory_writer import FORMATS, ExportedMotion, Format, require_rate
 from tubeplanner.planning.options import METHODS, PlanOptions
 from tubeplanner.planning.strategy import plan as plan_problem
 from tubeplanner.planning.strategy import plan_cycle
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.motion import ProblemMotion
+from tubeplanner.task.motion import Motion, ProblemMotion, Task
 
 
 def _format_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -101,11 +102,7 @@ def plan(
         stopped = {"stopped_by": "interrupt"} if interrupted else {}
         console.print_json({**fields, "loading_time": loading_time, **stopped})
     else:
-        if isinstance(loaded, Cycle):
-            text = cycle_plan_text(loaded, result, loading_time)
-        else:
-            text = plan_text(loaded, result, loading_time, with_minimum=time_left)
-        console.say(text)
+        console.say(plan_text(loaded, result, loading_time, with_minimum=time_left))
         if result.succeeded:
             files.say()
     return console.SUCCESS if result.succeeded else console.INFEASIBLE
@@ -113,8 +110,10 @@ def plan(
 
 def _written(files: console.OutputFiles, loaded: Task, result: Any, rate: float | None) -> Any:
     """Write the files of an answer; return the answer with notes on the samples."""
-    is_cycle = isinstance(loaded, Cycle)
-    motion = result.motion if is_cycle else ProblemMotion(loaded, result.trajectory)
+    motion: Motion
+    motion = (
+        result.motion if isinstance(loaded, Cycle) else ProblemMotion(loaded, result.trajectory)
+    )
     exported = ExportedMotion(motion, result.method, rate)
 
     def figure(path: Path) -> bytes:

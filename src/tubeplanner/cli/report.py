@@ -17,9 +17,9 @@ from tubeplanner.limits.peaks import TrajectoryPeaks, trajectory_peaks
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.info import cycle_doubts, problem_doubts
+from tubeplanner.task.info import task_doubts
 from tubeplanner.task.legs import Leg, Stop, stop_text
-from tubeplanner.task.motion import CycleMotion
+from tubeplanner.task.motion import CycleMotion, Motion, Task
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.side_files import fitting_presets
 from tubeplanner.text import savings
@@ -35,8 +35,8 @@ _SENSITIVITIES_SHOWN = 3
 
 
 def plan_text(
-    problem: PlanningProblem,
-    result: "PlanResult",
+    task: Task,
+    result: "PlanResult | CycleResult",
     loading_time: float,
     *,
     with_minimum: bool = False,
@@ -44,48 +44,70 @@ def plan_text(
     """Return the result of planning as text.
 
     Args:
-        problem: The planning problem.
+        task: The problem or the cycle.
         result: Its result.
         loading_time: [s].
         with_minimum: True to report the least time for the path, if motors switch instantly.
     """
-    robot = problem.robot
+    from tubeplanner.planning.result import CycleResult
+
+    robot, of_cycle, peaks = task.robot, "", None
+    if not isinstance(result, CycleResult):
+        peaks = result.peaks
+    elif result.motion is not None:
+        peaks = trajectory_peaks(robot, result.motion.trajectory)
     lines = [
-        f"{problem.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}",
-        *([] if result.peaks is None else peaks_lines(robot, result.peaks)),
+        f"{task.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}",
+        *([] if peaks is None else peaks_lines(robot, peaks)),
         f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
         f"(certificate {result.certificate_time:.2f} s), method {result.method}",
     ]
-    if result.search is not None:
-        lines.append(f"branch and bound: {result.search}")
-    if result.phase_two is not None:
-        lines.append(f"phase 2, from {result.phase1_duration:.4f} s: {result.phase_two}")
+    if isinstance(result, CycleResult):
+        of_cycle = ", over the cycle"
+        if result.motion is not None:
+            legs = zip(result.motion.cycle.legs, result.legs, strict=True)
+            largest = [_largest_saving(*each) for each in legs]
+            title = "largest saving by a 10 % higher limit"
+            lines.append(_timetable(result.motion, title, largest))
+    else:
+        if result.search is not None:
+            lines.append(f"branch and bound: {result.search}")
+        if result.phase_two is not None:
+            lines.append(f"phase 2, from {result.phase1_duration:.4f} s: {result.phase_two}")
     if result.certificate is not None:
         lines.append(certificate_text(result.certificate))
         lines += left_out_lines(result.certificate)
-    before, beside, after = _sorted_notes(result.notes, robot, problem_doubts(problem))
+    before, beside, after = _sorted_notes(result.notes, robot, task_doubts(task))
     lines += [*before, f"{result.status}: {result.message}", *beside]
-    if largest := savings(result.sensitivities)[:_SENSITIVITIES_SHOWN]:
-        lines.append(f"raising a limit by 10 % would save: {'; '.join(largest)}")
-    if with_minimum:
-        lines += _minimum_lines(problem, result)
+    if savings_text := "; ".join(savings(result.sensitivities)[:_SENSITIVITIES_SHOWN]):
+        lines.append(f"raising a limit by 10 % would save{of_cycle}: {savings_text}")
+    if isinstance(result, CycleResult):
+        lines += _gain_lines(result)
+    elif with_minimum and isinstance(task, PlanningProblem):
+        lines += _minimum_lines(task, result)
     lines += after
     lines += [f"where: {result.location}"] * bool(str(result.location))
-    if result.proved is not None and result.survival is None:
+    is_explained = isinstance(result, CycleResult) or result.survival is not None
+    if result.proved is not None and not is_explained:
         lines.append("`tubeplanner explain` looks for the smallest changes that make it possible")
-    return "\n".join([*lines, *_ending_lines(result, problem)])
-
-
-def _ending_lines(result: "PlanResult | CycleResult", problem: PlanningProblem) -> list[str]:
-    """Return lines for an early stop of planning and for unchecked obstacles."""
-    lines = []
     if result.stopped_by is not None:
         lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
-    return [*lines, *_geometry_lines(problem)]
+    return "\n".join([*lines, *geometry_lines(task)])
 
 
-def _geometry_lines(problem: PlanningProblem) -> list[str]:
+def check_lines(motion: Motion, certificate: Certificate | CycleCertificate) -> list[str]:
+    """Return the peaks of a motion, its moves if any, its certificate, and its other speeds."""
+    lines = peaks_lines(motion.task.robot, trajectory_peaks(motion.task.robot, motion.trajectory))
+    if isinstance(motion, CycleMotion) and isinstance(certificate, CycleCertificate):
+        verdicts = [_verdict(certificate, leg) for leg in motion.cycle.legs]
+        return [*lines, _timetable(motion, "certificate", verdicts), certificate_text(certificate)]
+    assert isinstance(certificate, Certificate)
+    return [*lines, certificate_text(certificate), other_speeds_line(certificate)]
+
+
+def geometry_lines(task: Task) -> list[str]:
     """Return a note if obstacles are not checked, as the robot has no collision geometry."""
+    problem = task.problem_from_anywhere(0) if isinstance(task, Cycle) else task
     if not problem.obstacles or problem.collision.has_link_geometry:
         return []
     return ["note: the robot has no collision geometry; the obstacles were NOT checked against it"]
@@ -150,8 +172,10 @@ def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
     return lines
 
 
-def certificate_text(certificate: Certificate) -> str:
-    """Return a certificate as a table, as wide as the terminal."""
+def certificate_text(certificate: Certificate | CycleCertificate) -> str:
+    """Return a certificate as tables, as wide as the terminal."""
+    if isinstance(certificate, CycleCertificate):
+        return _cycle_certificate_text(certificate)
     table = _condition_table("Certificate")
     for name, condition in certificate.conditions.items():
         table.add_row(name, *condition_cells(condition, certificate.tolerance))
@@ -196,12 +220,13 @@ def other_speeds_line(certificate: Certificate) -> str:
     return "; ".join(parts)
 
 
-def left_out_lines(certificate: Certificate) -> list[str]:
+def left_out_lines(certificate: Certificate | CycleCertificate) -> list[str]:
     """Return a note that names the pairs of links that always touch; none if there are none."""
-    pairs = [pair for pair in certificate.left_out if pair.reason == ALWAYS_TOUCHING]
-    named = "; ".join(" and ".join(pair.links) for pair in pairs)
+    pairs = [] if isinstance(certificate, CycleCertificate) else certificate.left_out
+    touching = [pair for pair in pairs if pair.reason == ALWAYS_TOUCHING]
+    named = "; ".join(" and ".join(pair.links) for pair in touching)
     note = f"not checked, because they touch in all of {TOUCH_SAMPLES} sampled configurations"
-    return [f"note: {note}: {named}"] * bool(pairs)
+    return [f"note: {note}: {named}"] * bool(touching)
 
 
 def rendered(table: Table) -> str:
@@ -226,56 +251,6 @@ def terminal() -> Console:
 # ---- Plans and certificates of cycles as text for a terminal.
 
 _MIN_GAIN = 1e-4  # [s]; smaller gains by configurations chosen together are not reported
-
-
-def cycle_plan_text(cycle: Cycle, result: "CycleResult", loading_time: float) -> str:
-    """Return the result of planning a cycle as text.
-
-    Args:
-        cycle: The cycle.
-        result: Its result.
-        loading_time: [s].
-    """
-    robot, motion = cycle.robot, result.motion
-    lines = [f"{cycle.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}"]
-    if motion is not None:
-        lines += peaks_lines(robot, trajectory_peaks(robot, motion.trajectory))
-    lines.append(
-        f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
-        f"(certificate {result.certificate_time:.2f} s), method {result.method}"
-    )
-    if motion is not None:
-        largest = [_largest_saving(*each) for each in zip(cycle.legs, result.legs, strict=True)]
-        lines.append(_timetable(motion, "largest saving by a 10 % higher limit", largest))
-    if result.certificate is not None:
-        lines.append(_certificate_text(result.certificate))
-    before, beside, after = _sorted_notes(result.notes, robot, cycle_doubts(cycle))
-    lines += [*before, f"{result.status}: {result.message}", *beside, *_gain_lines(result), *after]
-    lines += [f"where: {result.location}"] * bool(str(result.location))
-    return "\n".join([*lines, *_ending_lines(result, cycle.problem_from_anywhere(0))])
-
-
-def cycle_check_text(
-    motion: CycleMotion, certificate: CycleCertificate, notes: Sequence[str]
-) -> str:
-    """Return the judgement of a cycle's motion as text.
-
-    Args:
-        motion: The motion.
-        certificate: Its certificate.
-        notes: Sentences on its file and the robot.
-    """
-    cycle = motion.cycle
-    verdicts = [_verdict(certificate, leg) for leg in cycle.legs]
-    return "\n".join(
-        [
-            *peaks_lines(cycle.robot, trajectory_peaks(cycle.robot, motion.trajectory)),
-            _timetable(motion, "certificate", verdicts),
-            _certificate_text(certificate),
-            *(f"note: {note}" for note in notes),
-            *_geometry_lines(cycle.problem_from_anywhere(0)),
-        ]
-    )
 
 
 def _timetable(motion: CycleMotion, heading: str, leg_texts: Sequence[str]) -> str:
@@ -318,16 +293,14 @@ def _largest_saving(leg: Leg, plan: "LegPlan") -> str:
 
 
 def _gain_lines(result: "CycleResult") -> list[str]:
-    """Return lines on the savings of limits, and on the gain of configurations chosen together."""
-    largest = "; ".join(savings(result.sensitivities)[:_SENSITIVITIES_SHOWN])
-    lines = [f"raising a limit by 10 % would save, over the cycle: {largest}"] * bool(largest)
+    """Return a line on the gain of configurations chosen together, if any."""
     shortest, alone = result.shortest_duration, result.greedy_duration
-    if shortest is not None and alone is not None and alone - shortest > _MIN_GAIN:
-        lines.append(
-            f"configurations chosen over the whole cycle save {alone - shortest:.4f} s: the "
-            f"shortest moves take {alone:.4f} s one by one, {shortest:.4f} s together"
-        )
-    return lines
+    if shortest is None or alone is None or alone - shortest <= _MIN_GAIN:
+        return []
+    return [
+        f"configurations chosen over the whole cycle save {alone - shortest:.4f} s: the shortest "
+        f"moves take {alone:.4f} s one by one, {shortest:.4f} s together"
+    ]
 
 
 def _verdict(certificate: CycleCertificate, leg: Leg) -> str:
@@ -339,7 +312,7 @@ def _verdict(certificate: CycleCertificate, leg: Leg) -> str:
     return f"FAILS: {failures}" if failures else "passes"
 
 
-def _certificate_text(certificate: CycleCertificate) -> str:
+def _cycle_certificate_text(certificate: CycleCertificate) -> str:
     """Return tables of the conditions of moves and junctions: failures, or else the tightest."""
     # Moves of a leg have one certificate.
     certificates = list({id(each): each for each in certificate.moves.values()}.values())

@@ -1,7 +1,7 @@
 """`simulate`: runs by plants, report."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 from math import ceil
 from pathlib import Path
@@ -11,26 +11,23 @@ import click
 
 from tubeplanner.cli import console
 from tubeplanner.execution.mujoco_model import require_mujoco
-from tubeplanner.execution.plants import Draw, drawn_plants
+from tubeplanner.execution.plants import Draw
 from tubeplanner.execution.run_verdict import (
     JudgedCycle,
     JudgedRun,
     judged_cycle,
-    judged_runs,
     run_verdict,
     summaries,
 )
-from tubeplanner.execution.simulation import executed, executed_cycle
-from tubeplanner.output.figures.execution_figures import plot_cycle_execution, plot_execution
+from tubeplanner.execution.simulation import executed_cycle
+from tubeplanner.output.figures.execution_figures import plot_executed_motion
 from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
-from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_file
-from tubeplanner.output.page.cycle_page import view_cycle
-from tubeplanner.output.page.viewer import View, view
+from tubeplanner.output.files.file_notes import notes_on_file
+from tubeplanner.output.page.viewer import view_motions
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.demands import Robustness
-from tubeplanner.task.motion import motion_of_file
-from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
+from tubeplanner.task.motion import Motion, motion_of_file
+from tubeplanner.trajectory.reader import read_trajectory_file
 
 _ERRORS = {
     "mass": "Relative error of masses.",
@@ -125,106 +122,63 @@ def simulate(
         loaded, loading_time = console.load_either_timed(problem, enter, changes)
         files.spare([loaded.robot.urdf.path])
         file = read_trajectory_file(trajectory, loaded.robot.joint_names)
+        motion = motion_of_file(loaded, trajectory, file)
         robustness = replace(loaded.robustness or Robustness(), **options)
-        simulation = _Simulation(trajectory, file, robustness, draw, files, enter)
-        if isinstance(loaded, Cycle):
-            answer = simulation.of_cycle(loaded)
-        else:
-            answer = simulation.of_motion(loaded)
+        notes = notes_on_file(loaded, file)
+        enter(f"{runs} runs")
+        periods = ceil(motion.trajectory.duration / robustness.control_period)
+        moving = _counter(enter, f"{runs} runs, control period", periods)
+        execution = executed_cycle(motion, robustness, draw, moving)
+        total = runs * len(motion.sections)
+        judging = _counter(enter, "tolerances and clearance, run", total)
+        judged = judged_cycle(motion, execution, judging, robustness)
+        if files.paths:
+            enter("pictures")
+
+            def figure(path: Path) -> bytes:
+                return figure_file(plot_executed_motion(motion, execution, judged.runs), path)
+
+            def page(_: Path) -> bytes:
+                return view_motions(loaded, {"plan": motion}, execution).html.encode()
+
+            files.write({"plot": figure, "view": page})
+    notes += [_PLANNED] * bool(judged.handovers)
     if as_json:
         more: dict[str, Any] = {"duration": file.trajectory.duration}
-        more |= {"loading_time": loading_time, "notes": answer.notes}
+        more |= {"loading_time": loading_time, "notes": notes}
         more |= {"plot": files.path_text("plot"), "html": files.path_text("view")}
-        console.print_json(answer.report | more)
+        console.print_json(execution_report(motion, judged, robustness) | more)
     else:
-        console.say(*answer.lines, *(f"note: {note}" for note in answer.notes), sep="\n")
+        lines = execution_lines(motion, judged, robustness)
+        console.say(*lines, *(f"note: {note}" for note in notes), sep="\n")
         files.say()
 
 
-@dataclass(frozen=True)
-class _Answer:
-    """The answer of a simulation: a JSON object, times still absent, lines, and notes."""
-
-    report: dict[str, Any]
-    lines: list[str]
-    notes: list[str]
-
-
-@dataclass(frozen=True)
-class _Simulation:
-    """Executes, judges and draws the motion of a trajectory file."""
-
-    path: Path
-    file: TrajectoryFile
-    errors: Robustness
-    draw: Draw
-    files: console.OutputFiles
-    enter: Callable[[object], None]
-
-    def of_motion(self, problem: PlanningProblem) -> _Answer:
-        """Simulate the motion of a problem."""
-        motion, errors = self.file.trajectory, self.errors
-        notes = notes_on_file(problem, self.file, failed=False)
-        self.enter(f"{self.draw.runs} runs")
-        plants = drawn_plants(problem.robot, errors, self.draw)
-        control = (errors.controller, errors.control_period)
-        execution = executed(problem, motion, plants, *control, self._moving(), errors.bandwidth)
-        judged = judged_runs(problem, motion, execution, self._judging(1), errors)
-        self._draw(
-            lambda: plot_execution(problem, motion, execution, judged),
-            lambda: view(problem, motion, names=["plan"], execution=execution),
-        )
-        return _Answer(execution_report(judged, errors), execution_lines(judged, errors), notes)
-
-    def of_cycle(self, cycle: Cycle) -> _Answer:
-        """Simulate the motion of a cycle."""
-        motion = motion_of_file(cycle, self.path, self.file)
-        notes = notes_on_cycle_file(cycle, self.file)
-        self.enter(f"{self.draw.runs} runs")
-        execution = executed_cycle(motion, self.errors, self.draw, self._moving())
-        judged = judged_cycle(motion, execution, self._judging(len(cycle.legs)), self.errors)
-        self._draw(
-            lambda: plot_cycle_execution(motion, execution, judged),
-            lambda: view_cycle(cycle, [motion], ["plan"], execution=execution),
-        )
-        lines = cycle_execution_lines(judged, self.errors)
-        report = cycle_execution_report(judged, self.errors)
-        return _Answer(report, lines, notes + [_PLANNED] * bool(judged.handovers))
-
-    def _moving(self) -> Callable[[], None]:
-        periods = ceil(self.file.trajectory.duration / self.errors.control_period)
-        return self._counter(f"{self.draw.runs} runs, control period", periods)
-
-    def _judging(self, legs: int) -> Callable[[], None]:
-        return self._counter("tolerances and clearance, run", self.draw.runs * legs)
-
-    def _counter(self, stage: str, total: int) -> Callable[[], None]:
-        """Return a callback that enters a stage with its number of calls."""
-        numbers = count(1)
-        return lambda: self.enter(f"{stage} {min(next(numbers), total)} of {total}")
-
-    def _draw(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
-        if self.files.paths:
-            self.enter("pictures")
-            plot, view = lambda path: figure_file(figure(), path), lambda _: page().html.encode()
-            self.files.write({"plot": plot, "view": view})
+def _counter(enter: Callable[[object], None], stage: str, total: int) -> Callable[[], None]:
+    """Return a callback that enters a stage with its number of calls."""
+    numbers = count(1)
+    return lambda: enter(f"{stage} {min(next(numbers), total)} of {total}")
 
 
 # ---- The runs of a motion, as text for a terminal and as JSON values.
 
 
-def execution_report(judged: Sequence[JudgedRun], errors: Robustness) -> dict[str, Any]:
-    """Return the JSON object of some runs, times still absent."""
-    seen = seen_fields(judged)
-    return {
-        **console.empty_report(
-            "success", run_verdict(judged).survived(errors), seen["seen"]["tube"]["worst"]["place"]
-        ),
-        **seen,
-    }
+def execution_report(motion: Motion, judged: JudgedCycle, errors: Robustness) -> dict[str, Any]:
+    """Return the JSON object of some runs, times still absent.
+
+    Moves of a cycle that run without a stop have the same under each of their names.
+    """
+    seen = _seen_fields(judged.runs)
+    message, where = run_verdict(judged.runs).survived(errors), seen["seen"]["tube"]["worst"]
+    report = {**console.empty_report("success", message, where["place"]), **seen}
+    if motion.marks:
+        legs = judged.legs.items()
+        report["moves"] = {name: _seen_fields(runs) for names, runs in legs for name in names}
+        report["handovers"] = [each.as_dict() for each in judged.handovers]
+    return report
 
 
-def seen_fields(judged: Sequence[JudgedRun]) -> dict[str, Any]:
+def _seen_fields(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     """Return the verdict and the summaries of some runs, as JSON values."""
     return {
         "verdict": run_verdict(judged).as_dict(),
@@ -237,21 +191,26 @@ def seen_fields(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     }
 
 
-def execution_lines(judged: Sequence[JudgedRun], errors: Robustness) -> list[str]:
-    """Return the summaries of some runs, line by line, the verdict last."""
-    head = f"{'worst':>12}{'median':>12}{'required':>12}"
-    lines = [f"{'seen in ' + str(len(judged)) + ' runs':38}{head}  where"]
-    for name, summary in summaries(judged).items():
+def execution_lines(motion: Motion, judged: JudgedCycle, errors: Robustness) -> list[str]:
+    """Return the summaries of some runs, line by line, the verdict last.
+
+    Of a cycle also the worst of each move, and of the tool at each handover.
+    """
+    runs, head = judged.runs, f"{'worst':>12}{'median':>12}{'required':>12}"
+    lines = [f"{'seen in ' + str(len(runs)) + ' runs':38}{head}  where"]
+    for name, summary in summaries(runs).items():
         if summary is not None:
             worst = f"{summary.worst.value:12.4g}{summary.median:12.4g}"
-            bound = _bound(judged[summary.run], name)
+            bound = _bound(runs[summary.run], name)
             lines.append(
                 f"{_NAMES[name]:38}{worst}{bound:>12}  run {summary.run}, {summary.worst.location}"
             )
-    saturated = [100 * run.saturated for run in judged]
+    saturated = [100 * run.saturated for run in runs]
     fraction = f"{max(saturated):12.3g}{sorted(saturated)[len(saturated) // 2]:12.3g}"
     lines.append(f"{'time with a motor at its limit [%]':38}{fraction}")
-    return [*lines, run_verdict(judged).survived(errors)]
+    if motion.marks:
+        lines += ["", *_move_lines(judged), ""]
+    return [*lines, run_verdict(runs).survived(errors)]
 
 
 def _bound(run: JudgedRun, name: str) -> str:
@@ -264,26 +223,9 @@ def _bound(run: JudgedRun, name: str) -> str:
     return f">= {least[name]:.4g}" if name in least else "<= 0"
 
 
-# ---- The runs of a cycle, as text for a terminal and as JSON values.
-
-
-def cycle_execution_report(judged: JudgedCycle, errors: Robustness) -> dict[str, Any]:
-    """Return the JSON object of the runs of a cycle, times still absent.
-
-    Moves that run without a stop have the same under each of their names.
-    """
-    moves = {name: seen_fields(runs) for names, runs in judged.legs.items() for name in names}
-    handovers = [each.as_dict() for each in judged.handovers]
-    return {**execution_report(judged.runs, errors), "moves": moves, "handovers": handovers}
-
-
-def cycle_execution_lines(judged: JudgedCycle, errors: Robustness) -> list[str]:
-    """Return the summaries of the runs of a cycle, line by line, the verdict last.
-
-    First of the cycle, then the worst of each move, and of the tool at each handover.
-    """
-    *quantities, verdict = execution_lines(judged.runs, errors)
-    lines = [*quantities, "", _row("move, the worst of it", ["failed", *_QUANTITIES, _LIMIT])]
+def _move_lines(judged: JudgedCycle) -> list[str]:
+    """Return the worst of each move of a cycle, and of the tool at each handover."""
+    lines = [_row("move, the worst of it", ["failed", *_QUANTITIES, _LIMIT])]
     for names, runs in judged.legs.items():
         by_name, counts = summaries(runs), run_verdict(runs)
         columns = [by_name[name] for name in _QUANTITIES.values()]
@@ -300,7 +242,7 @@ def cycle_execution_lines(judged: JudgedCycle, errors: Robustness) -> list[str]:
         )
         cells = [distance, f"{values['distance']['median']:.3g}", angle, speed]
         lines.append(_row(str(each.mark), cells))
-    return [*lines, "", verdict]
+    return lines
 
 
 def _row(name: str, cells: Sequence[str]) -> str:

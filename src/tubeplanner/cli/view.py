@@ -6,23 +6,15 @@ from typing import Any
 
 import click
 
+from tubeplanner.certificate.verification import Certificate, CycleCertificate
 from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.output.figures.figure_files import figure_file, require_figure
-from tubeplanner.output.figures.trajectory_figures import plot_cycle, plot_trajectory
-from tubeplanner.output.files.file_notes import (
-    cycle_motion_notes,
-    has_other_part,
-    motion_notes,
-    notes_on_cycle_file,
-    notes_on_file,
-)
-from tubeplanner.output.page.cycle_page import view_cycle
-from tubeplanner.output.page.viewer import View, names_of_files
-from tubeplanner.output.page.viewer import view as view_problem
+from tubeplanner.output.figures.trajectory_figures import plot_motion
+from tubeplanner.output.files.file_notes import has_other_part, motion_notes, notes_on_file
+from tubeplanner.output.page.viewer import View, names_of_files, view_motions
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.motion import motion_of_file
-from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.motion import Motion, Task, motion_of_file
 from tubeplanner.trajectory.reader import read_trajectory_file
 from tubeplanner.writing import require_writable, write_files
 
@@ -72,12 +64,12 @@ def view(
 
 
 def _shown(
-    loaded: PlanningProblem | Cycle, paths: tuple[Path, ...], enter: Callable[[object], None]
+    loaded: Task, paths: tuple[Path, ...], enter: Callable[[object], None]
 ) -> tuple[View, list[str]]:
     """Return the view of a problem or cycle and the motions of files, and the verdicts on these."""
     files = [read_trajectory_file(path, loaded.robot.joint_names) for path in paths]
     names, notes, verdicts = names_of_files(paths), list[str](), list[str]()
-    motions, judged = list[Any](), list[Any]()
+    motions, judged = dict[str, Motion](), list[Certificate | CycleCertificate]()
     if not isinstance(loaded, Cycle) and loaded.tube.is_anywhere:
         notes = [
             "there is no tube: the tool may be anywhere; `tubeplanner route` finds one from start, "
@@ -85,23 +77,16 @@ def _shown(
         ]
     for k, (path, name, file) in enumerate(zip(paths, names, files, strict=True)):
         enter(f"certificate {k + 1} of {len(files)}")
-        if isinstance(loaded, Cycle):
-            motions.append(motion_of_file(loaded, path, file))
-            messages: tuple[Any, list[str]] = cycle_motion_notes(motions[-1], name, file)
-        else:
-            motions.append(file.trajectory)
-            messages = motion_notes(loaded, name, file)
-        certificate, (verdict, *others) = messages
+        motions[name], certificate, messages = motion_notes(loaded, path, name, file)
+        verdict, *others = messages
         judged.append(certificate)
         verdicts.append(verdict)
         notes += others
     enter("scene")
-    about: dict[str, Any] = {"names": names, "notes": notes, "certificates": judged}
-    if isinstance(loaded, Cycle):
-        return view_cycle(loaded, motions, **about), verdicts
     pairs = zip(names, files, strict=True)
-    about["empty_handed"] = [name for name, file in pairs if has_other_part(loaded, file)]
-    return view_problem(loaded, *motions, **about), verdicts
+    empty_handed = [name for name, file in pairs if has_other_part(loaded, file)]
+    about: dict[str, Any] = {"notes": notes, "empty_handed": empty_handed}
+    return view_motions(loaded, motions, certificates=judged, **about), verdicts
 
 
 @click.command()
@@ -130,12 +115,8 @@ def plot(
         require_writable([target], [loaded.robot.urdf.path])
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         enter("drawing")
-        if isinstance(loaded, Cycle):
-            figure = plot_cycle(loaded, motion_of_file(loaded, trajectory, read))
-            notes = notes_on_cycle_file(loaded, read)
-        else:
-            figure = plot_trajectory(loaded, read.trajectory)
-            notes = notes_on_file(loaded, read, failed=False)
+        figure = plot_motion(motion_of_file(loaded, trajectory, read))
+        notes = notes_on_file(loaded, read)
         picture = figure_file(figure, target)
         enter("writing")
         hold_interrupts()

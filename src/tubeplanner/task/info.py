@@ -23,6 +23,7 @@ from tubeplanner.task.endpoints import Endpoint
 from tubeplanner.task.field_changes import changed_problem, read_problem_fields
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.legs import Leg, step_text
+from tubeplanner.task.motion import Task
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import ProblemFields
 from tubeplanner.task.problem_reader import load_problem, robot_arguments
@@ -89,7 +90,7 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
     path = find_problem(name, Path())
     fields = read_problem_fields(path, changes)
     load = partial(load_problem, name, reads_tube=fields.tube is not None, changes=changes)
-    return _task_info("problem", fields, path.parent, load, problem_doubts)
+    return _task_info("problem", fields, path.parent, load)
 
 
 def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> TaskInfo:
@@ -99,7 +100,7 @@ def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> Ta
     data = changed_problem(layers.merged, changes, CycleFields)
     fields = check_cycle_fields(data, layers.sources[-1], layers.source_of)
     load = partial(load_cycle, name, changes=changes)
-    return _task_info("cycle", fields, path.parent, load, cycle_doubts)
+    return _task_info("cycle", fields, path.parent, load)
 
 
 def _task_info(
@@ -107,7 +108,6 @@ def _task_info(
     fields: ProblemFields | CycleFields,
     directory: Path,
     load: Callable[[], _Task],
-    task_doubts: Callable[[_Task], Sequence[str]],
 ) -> TaskInfo:
     robot = robot_info(**robot_arguments(fields.robot, directory))
     urdf, srdf = robot.arm.urdf, None
@@ -146,6 +146,11 @@ def problem_doubts(problem: PlanningProblem) -> tuple[str, ...]:
     tube = Extent(0, np.array([points.min(axis=0), points.max(axis=0)]))
     extents = {**problem.collision.extents, "the tube's points": tube}
     return (*problem.notes, *implausible_values(problem.robot, extents), *_goal_note(problem))
+
+
+def task_doubts(task: Task) -> tuple[str, ...]:
+    """Return notes on implausible values of a problem or a cycle."""
+    return cycle_doubts(task) if isinstance(task, Cycle) else problem_doubts(task)
 
 
 def cycle_doubts(cycle: Cycle) -> tuple[str, ...]:

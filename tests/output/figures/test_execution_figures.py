@@ -12,14 +12,14 @@ from tubeplanner import OptionError, OutputError, judged_runs, plot_execution, v
 from tubeplanner.execution.run_verdict import judged_cycle
 from tubeplanner.output.drawing import EXECUTED_COLOR, WARNING_COLOR
 from tubeplanner.output.execution_curves import (
-    motion_paths,
     executed_paths,
+    motion_paths,
     obstacle_band,
     tool_runs,
 )
 from tubeplanner.output.figures import figure_files
 from tubeplanner.output.figures.execution_figures import plot_cycle_execution
-from tubeplanner.output.page.cycle_page import view_cycle
+from tubeplanner.output.page.viewer import view_cycle
 
 ASIDE = 0.012  # [m]
 

@@ -19,8 +19,8 @@ from tubeplanner import (
 )
 from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE
 from tubeplanner.output.files.fingerprint import cycle_hash
-from tubeplanner.output.files.samples import cycle_samples
-from tubeplanner.output.files.trajectory_writer import TrajectoryFiles, cycle_contents
+from tubeplanner.output.files.samples import motion_samples
+from tubeplanner.output.files.trajectory_writer import FORMATS, ExportedMotion
 from tubeplanner.trajectory.reader import read_trajectory_file
 
 RATE = 200.0
@@ -35,7 +35,7 @@ def motion(small_plan):
 
 @pytest.fixture(scope="module")
 def samples(small_plan):
-    return cycle_samples(small_plan.motion, RATE)
+    return motion_samples(small_plan.motion, RATE)
 
 
 @pytest.fixture(scope="module")
@@ -47,11 +47,10 @@ def whole(samples):
 def written(small_plan, tmp_path_factory):
     """Return the folder with the files of a motion, and the notes about them."""
     folder = tmp_path_factory.mktemp("files")
-    files = TrajectoryFiles(folder / "t.json", folder / "t.csv", folder / "t.yaml", rate=RATE)
-    contents, notes = cycle_contents(files, small_plan.motion, "refinement")
-    for path, data in contents.items():
-        path.write_bytes(data)
-    return folder, notes
+    exported = ExportedMotion(small_plan.motion, "refinement", RATE)
+    for each in FORMATS:
+        (folder / f"t{each.endings[0]}").write_text(each.text(exported))
+    return folder, exported.notes
 
 
 # Samples.
@@ -60,7 +59,7 @@ def written(small_plan, tmp_path_factory):
 def test_times_increase_to_the_end_of_all_parts(samples, whole):
     table, effort = whole
     assert (np.diff(table.time) > 0).all()
-    durations = [leg.samples.time[-1] for leg in samples.legs]
+    durations = [leg.samples.time[-1] for leg in samples.sections]
     assert samples.begins[0] == 0
     assert [*np.diff(samples.begins), table.time[-1] - samples.begins[-1]] == pytest.approx(
         np.add(durations, DWELLS)
@@ -105,7 +104,7 @@ def test_notes_tell_how_samples_differ_and_when_moves_begin(samples):
 
 def test_samples_of_legs_that_last_whole_periods_are_the_motion_itself():
     motion = slow_motion(pick_and_place())
-    samples = cycle_samples(motion, 100.0)
+    samples = motion_samples(motion, 100.0)
     table, _ = samples.whole()
     assert samples.notes == ()
     np.testing.assert_allclose(table.time, np.arange(len(table.time)) * 0.01, atol=1e-9)
@@ -151,10 +150,6 @@ def test_ros_has_a_message_for_every_leg_with_comments(written, motion, tmp_path
         path.write_text(part)
         read = read_trajectory_file(path)
         assert verify(problem, read.trajectory, FOREIGN_TOLERANCE).passed
-
-
-def test_only_what_is_asked_for_is_made(motion):
-    assert cycle_contents(TrajectoryFiles(), motion, "refinement") == ({}, ())
 
 
 def test_a_motion_is_written_and_read_by_name(motion, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,16 +13,14 @@ from tubeplanner.errors import TrajectoryError
 from tubeplanner.output.files.file_notes import (
     has_other_part,
     motion_notes,
-    notes_on_cycle_file,
     notes_on_file,
     unit_guesses,
 )
 from tubeplanner.output.files.fingerprint import origin, problem_hash, robot_hash
 from tubeplanner.output.files.trajectory_writer import (
-    TrajectoryFiles,
-    cycle_contents,
     trajectory_csv,
     trajectory_json,
+    write_cycle_motion,
 )
 from tubeplanner.trajectory.reader import (
     GivenSamples,
@@ -34,7 +33,7 @@ NAME = "ur5/over_the_wall"
 
 
 def notes_of(problem, name, file):
-    return motion_notes(problem, name, file)[1]
+    return motion_notes(problem, Path(name), name, file)[2]
 
 
 def with_coefficients(trajectory, coefficients):
@@ -215,7 +214,7 @@ def test_other_joints_are_refused_with_the_motions_name(stored, file):
     motion = file.trajectory
     strange = JointTrajectory(list("abcdef"), motion.breakpoints, motion.coefficients)
     with pytest.raises(TrajectoryError, match=r"^t: "):
-        motion_notes(stored(NAME)[0], "t", TrajectoryFile(strange))
+        notes_of(stored(NAME)[0], "t", TrajectoryFile(strange))
 
 
 # The file of a cycle's motion.
@@ -224,28 +223,27 @@ def test_other_joints_are_refused_with_the_motions_name(stored, file):
 @pytest.fixture(scope="module")
 def cycle_file(small_plan, tmp_path_factory):
     path = tmp_path_factory.mktemp("files") / "t.json"
-    contents, _ = cycle_contents(TrajectoryFiles(path), small_plan.motion, "refinement")
-    path.write_bytes(contents[path])
+    write_cycle_motion(path, small_plan.motion)
     return read_trajectory_file(path)
 
 
 def test_nothing_is_said_of_what_was_made_for_the_cycle_or_does_not_say(cycle_file):
-    assert notes_on_cycle_file(small_cycle(), cycle_file) == []
-    assert notes_on_cycle_file(small_cycle(), TrajectoryFile(cycle_file.trajectory)) == []
+    assert notes_on_file(small_cycle(), cycle_file) == []
+    assert notes_on_file(small_cycle(), TrajectoryFile(cycle_file.trajectory)) == []
 
 
 def test_what_differs_in_a_cycle_is_named(cycle_file):
-    (note,) = notes_on_cycle_file(small_cycle(moves__back__tube__radius=0.2), cycle_file)
+    (note,) = notes_on_file(small_cycle(moves__back__tube__radius=0.2), cycle_file)
     assert note == "the trajectory was made for another cycle; what differs: tube of move 'back'"
 
 
 def test_without_hashes_of_parts_it_is_known_that_a_cycle_or_its_robot_differs(cycle_file):
     alone = replace(cycle_file, part_hashes={})
-    (note,) = notes_on_cycle_file(small_cycle(closed=False), alone)
+    (note,) = notes_on_file(small_cycle(closed=False), alone)
     assert note == "the trajectory was made for another cycle with this robot"
     for cycle, file in (
         (small_cycle(robot__limits__acceleration=500.0), alone),
         (small_cycle(), TrajectoryFile(cycle_file.trajectory, robot_hash="0" * 16)),
     ):
-        (note,) = notes_on_cycle_file(cycle, file)
+        (note,) = notes_on_file(cycle, file)
         assert note == "the trajectory was made for another robot, payload, limits or motors"

@@ -17,8 +17,8 @@ from tubeplanner.geometry import meshes as mesh_file
 from tubeplanner.geometry.convex_shapes import box
 from tubeplanner.output.files.fingerprint import (
     cycle_hash,
-    cycle_part_hashes,
-    differing_cycle_parts,
+    differing_parts,
+    part_hashes,
     problem_hash,
     robot_hash,
 )
@@ -360,7 +360,7 @@ def cycle():
 def test_what_changes_the_answer_changes_the_hash_and_is_named(changes, differing, cycle):
     changed = small_cycle(**changes)
     assert cycle_hash(changed) != cycle_hash(cycle)
-    result = differing_cycle_parts(changed, cycle_part_hashes(cycle))
+    result = differing_parts(changed, part_hashes(cycle))
     assert result
     assert differing is None or result == differing
 
@@ -368,5 +368,5 @@ def test_what_changes_the_answer_changes_the_hash_and_is_named(changes, differin
 def test_the_same_cycle_has_the_same_hash(cycle):
     again = small_cycle(moves__1__set="shut")  # what an event sets is no part of the question
     assert cycle_hash(again) == cycle_hash(cycle)
-    assert differing_cycle_parts(again, cycle_part_hashes(cycle)) == []
-    assert differing_cycle_parts(again, {}) == []
+    assert differing_parts(again, part_hashes(cycle)) == []
+    assert differing_parts(again, {}) == []

@@ -27,12 +27,14 @@ from tubeplanner.output.files.file_notes import notes_on_file
 from tubeplanner.output.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.output.files.samples import samples_for_export
 from tubeplanner.output.files.trajectory_writer import (
-    TrajectoryFiles,
+    FORMATS,
+    ExportedMotion,
     trajectory_csv,
     trajectory_json,
     trajectory_ros,
 )
 from tubeplanner.resources import bundled_folder
+from tubeplanner.task.motion import ProblemMotion
 from tubeplanner.trajectory.reader import read_trajectory_file
 
 POST = "two_link/around_a_post"
@@ -397,14 +399,14 @@ def test_the_command_line_writes_the_same_files(post, run, tmp_path):
         assert again.read_bytes() == path.read_bytes()
 
 
-def test_several_files_share_samples_and_notes(post, tmp_path):
+def test_several_files_share_samples_and_notes(post):
     problem, trajectory = post
-    files = TrajectoryFiles(tmp_path / "a", tmp_path / "b", tmp_path / "c", 250)
-    contents, notes = files.contents(trajectory, problem, "refinement")
-    assert [path.name for path in contents] == ["a", "b", "c"]
-    assert json.loads(contents[tmp_path / "a"])["method"] == "refinement"
-    assert len(notes) == 1
-    assert list(tmp_path.iterdir()) == []
+    exported = ExportedMotion(ProblemMotion(problem, trajectory), "refinement", 250)
+    assert json.loads(FORMATS[0].text(exported))["method"] == "refinement"
+    assert exported.notes == ()
+    texts = [each.text(exported) for each in FORMATS[1:]]
+    (note,) = exported.notes
+    assert note in texts[1]
 
 
 # Names of joints in CSV.

@@ -11,8 +11,8 @@ from tubeplanner import OptionError, ProblemError
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.output.curves import Stop, Timeline, cycle_timeline
 from tubeplanner.output.drawing import SEGMENT_COLORS
-from tubeplanner.output.page.cycle_page import moved_parts, view_cycle
-from tubeplanner.output.page.viewer import recorded_commands
+from tubeplanner.output.page.scene import moved_parts
+from tubeplanner.output.page.viewer import recorded_commands, view_cycle
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.steps import Attach, Detach
 from tubeplanner.trajectory.parts import Mark

@@ -14,7 +14,7 @@ from stored_trajectories import REFINEMENT, STOP
 from tubeplanner import PlanningProblem, verify, view
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.output.drawing import CARRIED_COLOR, WARNING_COLOR, rgb
-from tubeplanner.output.page.cycle_page import view_cycle
+from tubeplanner.output.page.viewer import view_cycle
 
 pytestmark = pytest.mark.slow  # a browser that draws without a graphics card
 USUAL, NARROW = (800, 600), (500, 900)

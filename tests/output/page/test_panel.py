@@ -13,7 +13,6 @@ from tubeplanner.output.drawing import LINE_COLORS, SEGMENT_COLORS
 from tubeplanner.output.page.panel import (
     binding_marks,
     page_curves,
-    problem_timeline,
     segment_bands,
 )
 
@@ -102,7 +101,7 @@ def test_between_the_legs_of_a_cycle_nothing_is_said_and_marks_have_its_time(tmp
 
 
 def test_segments_follow_each_other_in_their_colours(section):
-    bands = problem_timeline(section)["bands"]
+    bands = segment_bands(section)
     assert [band["name"] for band in bands] == ["segment 0", "segment 1", "segment 2"]
     assert [band["color"] for band in bands] == list(SEGMENT_COLORS[:3])
     ends = [0, *(band["end"] for band in bands)]

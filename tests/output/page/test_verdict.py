@@ -11,9 +11,8 @@ from stored_trajectories import REFINEMENT
 from tubeplanner import LimitOverrides, Payload, load_robot, verify
 from tubeplanner.certificate.verification import verify_cycle
 from tubeplanner.optimizer.stages import Sensitivity
-from tubeplanner.output.page.cycle_page import view_cycle
 from tubeplanner.output.page.verdict import limit_sources
-from tubeplanner.output.page.viewer import view
+from tubeplanner.output.page.viewer import view, view_cycle
 from tubeplanner.robot.joint_limits import LimitLayer
 
 WALL = "ur5/over_the_wall"

@@ -42,7 +42,7 @@ def of_layer(scene, layer):
 
 def test_every_link_that_has_looks_has_a_mesh_and_the_page_can_be_mailed(shown):
     scene, page = shown("ur5/over_the_wall").scene, shown("ur5/over_the_wall").html
-    urdf = scene.problem.robot.urdf
+    urdf = scene.task.robot.urdf
     option_sets = {
         name for name in urdf.links if urdf.link_element(name).find("visual") is not None
     }
@@ -61,9 +61,9 @@ def test_the_tube_has_one_colour_per_segment_and_solids_are_there(shown):
     for k, color in enumerate(SEGMENT_COLORS[:3]):
         segment = materials[f"/meshcat/tube/0/body_0/segment_{k}"]
         assert (segment["color"], segment["transparent"]) == (int(color[1:], 16), True)
-    for obstacle in scene.problem.obstacles:
+    for obstacle in scene.task.obstacles:
         assert f"/meshcat/obstacles/0/body_0/{obstacle.name}" in materials
-    for solid in scene.problem.attached:
+    for solid in scene.task.attached:
         assert f"/meshcat/carried/0/body_6/{solid.name}" in materials
 
 
@@ -103,7 +103,7 @@ def test_the_panel_says_what_is_seen(shown):
     labels = {layer["name"]: layer for layer in data["layers"]}
     assert "tray" in labels["carried"]["label"]
     assert labels["tool"]["scale"]["ticks"][-1] == f"{scene.peak_speed:.2f} m/s"
-    radius = 1000 * scene.problem.tube.radius[0]
+    radius = 1000 * scene.task.tube.radius[0]
     assert labels["tube"]["entries"][0]["text"] == f"segment 0: radius {radius:.3g} mm"
     assert not labels["swept"]["visible"]
 

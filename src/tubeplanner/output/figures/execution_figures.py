@@ -147,8 +147,8 @@ def plot_executed_motion(
     for axis in axes:
         axis.set_xlabel("time [s]" if axis is axes[-1] else "")
     handles, labels = axes[0].get_legend_handles_labels()
-    where = f"outside {'lower' if is_cycle else 'upper'} center"
-    figure.legend(handles, labels, fontsize=8, ncols=4, loc=where, frameon=False)
+    options = {"loc": f"outside {'lower' if is_cycle else 'upper'} center", "frameon": False}
+    figure.legend(handles, labels, fontsize=8, ncols=4, **options)
     return saved(whole, path)
 
 

@@ -95,8 +95,9 @@ def plot_motion(motion: Motion, path: str | Path | None = None) -> "Figure":
     strip = binding_strip(sections, duration)
     draws = time_panels(runs)
     has_clearance = any(each.closest for each in sections)
-    motors = [] if is_cycle else motor_joints(task.robot)
-    grid = figure_grid(len(strip.rows), len(draws) + has_clearance, has_motors=len(motors) > 0)
+    motors, rows = motor_joints(task.robot), len(strip.rows)
+    has_motors = len(motors) > 0 and not is_cycle
+    grid = figure_grid(rows, len(draws) + has_clearance, has_motors=has_motors)
     grid.figure.suptitle(f"{task.name}: {duration:.4f} s", fontsize=13)
     draw_strip(grid.strip, strip)
     for axis, draw in zip(grid.panels, draws, strict=False):

@@ -1,26 +1,19 @@
 """Notes on trajectory files: other problem, other robot, verdict, likely mistakes."""
 
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE, Tolerance
-from tubeplanner.certificate.verification import Certificate, CycleCertificate, verify, verify_cycle
+from tubeplanner.certificate.verification import Certificate, CycleCertificate, verify_motion
 from tubeplanner.errors import TrajectoryError, shown
-from tubeplanner.output.files.fingerprint import (
-    CARRIED,
-    cycle_hash,
-    differing_cycle_parts,
-    differing_parts,
-    problem_hash,
-    robot_hash,
-)
+from tubeplanner.output.files.fingerprint import CARRIED, differing_parts, robot_hash, task_hash
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import locked_value
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.motion import CycleMotion
+from tubeplanner.task.motion import Motion, Task, motion_of_file
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.reader import TrajectoryFile
@@ -143,26 +136,36 @@ def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) ->
 
 
 def motion_notes(
-    motion: Motion, name: str, file: TrajectoryFile
-) -> tuple[Certificate | CycleCertificate, list[str]]:
-    """Return the certificate of a motion that is shown, as of `check`, and notes.
+    task: Task, path: Path, name: str, file: TrajectoryFile
+) -> tuple[Motion, Certificate | CycleCertificate, list[str]]:
+    """Return a motion that is shown, its certificate, as of `check`, and notes.
 
     Args:
-        motion: Of the problem or cycle under which it is shown.
+        task: The problem or cycle under which the motion is shown.
+        path: Of its file.
         name: Name of the motion.
-        file: Its file.
+        file: Content of its file.
 
     Returns:
-        The certificate, and notes: the verdict, then notes on the file.
+        The motion, its certificate, and notes: the verdict, then notes on the file.
+
+    Raises:
+        TrajectoryError: The motion has other joints than the problem, or as `motion_of_file`.
     """
+    try:
+        motion = motion_of_file(task, path, file)
+    except TrajectoryError as error:
+        if isinstance(task, Cycle):  # its message has the path
+            raise
+        raise TrajectoryError(f"{name}: {error}") from None
     tolerance = Tolerance() if file.interpolation is None else FOREIGN_TOLERANCE
-    certificate = judged_motion(motion, tolerance)
+    certificate = verify_motion(motion, tolerance)
     failures = "; ".join(map(certificate.describe, certificate.failures()))
     notes = [f"fails: {failures}" if failures else "passes every condition"]
-    notes += notes_on_file(motion.task, file, failed=not certificate.passed)
-    if has_other_part(motion.task, file):
+    notes += notes_on_file(task, file, failed=not certificate.passed)
+    if has_other_part(task, file):
         notes.append("it is drawn with an empty hand, as it carried something else")
-    return certificate, [f"{name}: {note}" for note in notes]
+    return motion, certificate, [f"{name}: {note}" for note in notes]
 
 
 def has_other_part(task: Task, file: TrajectoryFile) -> bool:

@@ -93,7 +93,11 @@ def build_scene(
         first = task.problem_from_anywhere(0) if isinstance(task, Cycle) else task
         arms = [at_rest or poses_at_rest(first, all_notes)]
     marks = [motion.marks for motion in motions.values()] or [()]
-    parts = [moved_parts(task, *each) for each in zip(marks, arms, strict=True)]
+    body, placement = robot.link_body[robot.tool_frame], robot.link_placement[robot.tool_frame]
+    parts = []
+    for own_marks, each in zip(marks, arms, strict=True):
+        poses = np.array([each.placement(step, body) for step in range(len(each.time))])
+        parts.append(moved_parts(task, own_marks, each.time, poses @ placement))
     arms = [with_bodies(*each) for each in zip(arms, parts, strict=True)]
     sections = tuple(limited_sections(motion) for motion in motions.values())
     links, notes_of_links = link_parts(robot, MAX_FACES // len(arms))

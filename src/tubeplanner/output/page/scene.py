@@ -337,19 +337,19 @@ def handed_over(task: Task) -> tuple[str, ...]:
     return tuple(dict.fromkeys(step.name for step in steps if isinstance(step, Attach)))
 
 
-def moved_parts(task: Task, marks: Sequence[Mark], shown: ShownTrajectory) -> list[MovedPart]:
-    """Return the parts that a cycle's steps hand over.
+def moved_parts(
+    task: Task, marks: Sequence[Mark], time: FloatArray, tool: FloatArray
+) -> list[MovedPart]:
+    """Return the parts that a cycle's steps hand over; none of a problem.
 
     Args:
-        task: The cycle; a problem has no such parts.
+        task: The problem or the cycle.
         marks: Begins of its steps; none: nothing is handed over yet.
-        shown: Poses of the arm, at the times of all marks among others.
+        time: Shape (T,), the times of all marks among them [s].
+        tool: Pose of the tool frame at these times, base frame, shape (T, 4, 4).
     """
     if not isinstance(task, Cycle):
         return []
-    time, body = shown.time, task.robot.link_body[task.robot.tool_frame]
-    poses = np.array([shown.placement(step, body) for step in range(len(time))])
-    tool = np.array(poses @ task.robot.link_placement[task.robot.tool_frame])
     parts = [
         _part(obstacle.name, obstacle.shapes, len(time))
         for obstacle in task.obstacles

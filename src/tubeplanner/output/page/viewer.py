@@ -20,8 +20,7 @@ from uuid import UUID
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.certificate.cycle_verification import CycleCertificate
-from tubeplanner.certificate.verification import Certificate
+from tubeplanner.certificate.verification import Certificate, CycleCertificate
 from tubeplanner.errors import OptionError, OutputError, TrajectoryError
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.output.drawing import EXECUTED_COLOR, WARNING_COLOR, rgb
@@ -187,9 +186,15 @@ def view(
             motions[name] = ProblemMotion(problem, trajectory)
         except TrajectoryError as error:
             raise TrajectoryError(f"{name}: {error}") from error
-    options = {"notes": notes, "empty_handed": empty_handed}
-    judged = {"certificates": certificates, "sensitivities": sensitivities}
-    return view_motions(problem, motions, execution, **options, **judged)
+    return view_motions(
+        problem,
+        motions,
+        execution,
+        notes=notes,
+        empty_handed=empty_handed,
+        certificates=certificates,
+        sensitivities=sensitivities,
+    )
 
 
 def view_cycle(
@@ -223,10 +228,15 @@ def view_cycle(
     Cycle.require(cycle)
     if names is None:
         names = [f"motion {i + 1}" for i in range(len(motions))]
-    shown = dict(zip(names, motions, strict=False))
     require_names(names, len(motions))
-    judged = {"certificates": certificates, "sensitivities": sensitivities}
-    return view_motions(cycle, shown, execution, notes=notes, **judged)
+    return view_motions(
+        cycle,
+        dict(zip(names, motions, strict=True)),
+        execution,
+        notes=notes,
+        certificates=certificates,
+        sensitivities=sensitivities,
+    )
 
 
 def view_motions(

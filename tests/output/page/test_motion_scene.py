@@ -6,7 +6,7 @@ from stored_trajectories import REFINEMENT
 
 from tubeplanner import load_problem, view
 from tubeplanner.orientation import rotation_matrix, rotation_vector
-from tubeplanner.output.page.problem_scene import cone_axis, cone_rim
+from tubeplanner.output.page.motion_scene import cone_axis, cone_rim
 from tubeplanner.output.page.scene import Layer
 
 INF = np.inf
@@ -67,7 +67,7 @@ def test_cones_stand_at_the_tool_as_the_reference_is_turned(tray):
     cone, shown = named(tray, Layer.ROTATION, "cone_0"), tray.trajectories[0]
     assert shown.present[cone.body].all()
     q = tray.sections[0][0].trajectory.position(shown.time)
-    rotation, tool = tray.problem.robot.tool_pose(q)
+    rotation, tool = tray.task.robot.tool_pose(q)
     for step in (0, 60, -1):
         placement = shown.placement(step, cone.body)
         assert placement[:3, 3] == pytest.approx(tool[step])
@@ -76,7 +76,7 @@ def test_cones_stand_at_the_tool_as_the_reference_is_turned(tray):
 
 
 def test_axes_are_those_of_the_tool(tray):
-    robot, shown = tray.problem.robot, tray.trajectories[0]
+    robot, shown = tray.task.robot, tray.trajectories[0]
     q = tray.sections[0][0].trajectory.position(shown.time[[50]])
     rotation, tool = robot.tool_pose(q)
     point = named(tray, Layer.TOOL, "point")
@@ -95,7 +95,7 @@ def test_at_rest_cones_stand_at_the_reference_points(bundled, shown):
     scene = view(bundled("ur5/level_tray")).scene
     cones = [item for item in scene.items if item.layer is Layer.ROTATION]
     tips = [item.surface.vertices[0] for item in cones if item.name.startswith("tube_")]
-    np.testing.assert_allclose(tips, scene.problem.tube.points)
+    np.testing.assert_allclose(tips, scene.task.tube.points)
     assert Layer.ROTATION not in shown("two_link/around_a_post").scene.layers
 
 
