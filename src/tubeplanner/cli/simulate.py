@@ -24,7 +24,6 @@ from tubeplanner.output.figures.execution_figures import plot_executed_motion
 from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
 from tubeplanner.output.files.file_notes import notes_on_file
 from tubeplanner.output.page.viewer import view_motions
-from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.demands import Robustness
 from tubeplanner.task.motion import Motion, motion_of_file
 from tubeplanner.trajectory.reader import read_trajectory_file
