@@ -6,18 +6,33 @@ kind in files where that is narrower. `section_of` makes the section of a file f
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, get_args
+from collections.abc import Callable, Iterable, Sequence
+from types import UnionType
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    TypeAlias,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+)
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
+from pydantic.fields import FieldInfo
 
-from tubeplanner.errors import MAX_SHOWN, ProblemError, shown, unknown_name
+from tubeplanner.errors import MAX_SHOWN, ProblemError, TubePlannerError, shown, unknown_name
 
 # ---- Types of fields: strict, so that text is no number.
 
 
 class Section(BaseModel):
     """A map with known keys."""
+
+    what: ClassVar[str] = "the document is a map"
 
     # Built once, as part of the file's model, rather than for each section at import.
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
@@ -133,6 +148,73 @@ def section_of(kind: Any, *order: str) -> Callable[[type[_Section]], type[_Secti
     return decorated
 
 
+# ---- Places in the schema of a document.
+
+
+@dataclasses.dataclass(frozen=True)
+class SchemaLocation:
+    """Place in the schema of a document.
+
+    Attributes:
+        kinds: Types that are valid here: models, maps, lists and scalars.
+    """
+
+    kinds: tuple[Any, ...]
+
+    @classmethod
+    def of(cls, *annotations: Any) -> "SchemaLocation":
+        """Return the place of a value with alternative annotations."""
+        return cls(tuple(_kinds(annotations)))
+
+    @property
+    def models(self) -> list[type[BaseModel]]:
+        """Models of the maps that are valid here."""
+        return [kind for kind in self.kinds if _is_model(kind)]
+
+    @property
+    def keys(self) -> list[str]:
+        """Names of the fields of a map here; empty if any key is valid, or no map is."""
+        return [key for model in self.models for key in _fields_by_key(model)]
+
+    @property
+    def may_be_map(self) -> bool:
+        """True if a map is valid here."""
+        return bool(self.models) or any(get_origin(kind) is dict for kind in self.kinds)
+
+    def below(self, key: object) -> "SchemaLocation | None":
+        """Return the place under a key of a map; None: the key is unknown."""
+        annotations = [get_args(kind)[1] for kind in self.kinds if get_origin(kind) is dict]
+        own = [_fields_by_key(model) for model in self.models]
+        annotations += [fields[key].annotation for fields in own if key in fields]
+        return SchemaLocation.of(*annotations) if annotations else None
+
+    @property
+    def item(self) -> "SchemaLocation":
+        """Place of the items of a list."""
+        lists = [kind for kind in self.kinds if get_origin(kind) in (list, tuple)]
+        return SchemaLocation.of(*(each for kind in lists for each in get_args(kind)))
+
+
+def _kinds(annotations: Iterable[Any]) -> Iterable[Any]:
+    """Yield the types of annotations, unions taken apart."""
+    for annotation in annotations:
+        origin, arguments = get_origin(annotation), get_args(annotation)
+        if origin in (Union, UnionType):
+            yield from _kinds(arguments)
+        elif origin is Annotated:
+            yield from _kinds(arguments[:1])
+        else:
+            yield annotation
+
+
+def _is_model(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _fields_by_key(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
 # ---- Pydantic's faults in terms of the file.
 
 _Path = tuple[int | str, ...]
@@ -151,12 +233,12 @@ _REQUIREMENTS = {
 }
 
 
-def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseModel]) -> str:
+def _first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseModel]) -> str:
     """Return the message of a document's first fault: field, value and required value."""
     faults, fault = error.errors(), _deepest(data, error)
     steps, kind = _steps(data, fault["loc"]), fault["type"]
     if kind == "extra_forbidden":
-        keys = _keys(_model_at(root, fault["loc"][:-1]))
+        keys = _fields_by_key(_model_at(root, fault["loc"][:-1]))
         section = _join(steps[:-1]) or "top level"
         return f"{section}: {unknown_name('key', str(fault['loc'][-1]), keys)}"
     if kind == "missing" and isinstance(fault["loc"][-1], int):
@@ -176,11 +258,6 @@ def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseMod
     return f"{_join(steps) or 'the problem'} is {value}; {_requirement(fault, root)}"
 
 
-def fault_steps(data: dict[str, Any], error: ValidationError) -> list[int | str]:
-    """Return the keys and indices that lead to the first fault of a document."""
-    return _steps(data, _deepest(data, error)["loc"])
-
-
 def _deepest(data: dict[str, Any], error: ValidationError) -> Any:
     """Return the fault with the longest path: a union reports a fault for each of its members."""
     return max(error.errors(), key=lambda fault: len(_steps(data, fault["loc"])))
@@ -190,7 +267,7 @@ def _requirement(fault: Any, root: type[BaseModel]) -> str:
     if fault["type"] in ("model_type", "dict_type"):
         model = _model_at(root, fault["loc"])
         is_model = fault["type"] == "model_type" and (model is not root or not fault["loc"])
-        keys = _keys(model) if is_model else []
+        keys = _fields_by_key(model) if is_model else {}
         return f"it must be a map with {', '.join(keys)}" if keys else "it must be a map"
     if fault["type"] in _REQUIREMENTS:
         return f"it must be {_REQUIREMENTS[fault['type']]}"
@@ -222,56 +299,41 @@ def _join(steps: list[int | str]) -> str:
     return text.lstrip(".")
 
 
-def _keys(model: type[BaseModel]) -> list[str]:
-    return [field.alias or name for name, field in model.model_fields.items()]
-
-
 def _model_at(root: type[BaseModel], path: _Path) -> type[BaseModel]:
     """Return the innermost model on a path; of alternatives, the model that the path names."""
-    model, alternatives = root, [root]
+    model, location = root, SchemaLocation((root,))
     for step in path:
-        named = [each for each in alternatives if each.__name__ == step]
-        model = named[0] if named else model
-        for name, field in model.model_fields.items():
-            if step in (name, field.alias):
-                alternatives = _models_in(field.annotation)
-                model = alternatives[0] if alternatives else model
-                break
+        if named := [each for each in location.models if each.__name__ == step]:
+            location = SchemaLocation(tuple(named))
+        else:
+            below = location.item if isinstance(step, int) else location.below(step)
+            location = below or location
+        model = location.models[0] if location.models else model
     return model
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    """Return the models in an annotation, inside lists and unions too."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for argument in get_args(annotation) for model in _models_in(argument)]
 
 
 def check_fields(
     model: type[_Section],
     data: object,
-    what: str,
     source: str,
-    source_of: Callable[[Any, Sequence[int | str]], str] | None,
+    source_of: Callable[[Any, Sequence[int | str]], str] | None = None,
+    error: type[TubePlannerError] = ProblemError,
 ) -> _Section:
     """Check nested dictionaries and lists against a model, and return the model's fields.
 
     Args:
         model: Model of the document.
         data: Content of a file.
-        what: Message if it is no map.
         source: Name of the document in messages.
         source_of: Function from the data, and the keys and indices of a value, to the name of the
             value's file in messages; None: `source` for all.
-
-    Raises:
-        ProblemError: A key is unknown, a value has the wrong type. The message names the field.
+        error: Raised for an unknown key or a value of the wrong type; the message names the field.
     """
     if not isinstance(data, dict):
-        raise ProblemError(f"{source}: {what}")
+        raise error(f"{source}: {model.what}")
     try:
         return model.model_validate(data)
-    except ValidationError as error:
-        fault = first_fault(data, error, model)
-        origin = source if source_of is None else source_of(data, fault_steps(data, error))
-        raise ProblemError(f"{origin}: {fault}") from None
+    except ValidationError as report:
+        steps = _steps(data, _deepest(data, report)["loc"])
+        origin = source if source_of is None else source_of(data, steps)
+        raise error(f"{origin}: {_first_fault(data, report, model)}") from None

@@ -11,7 +11,8 @@ from cases import SLIDE, slow_but
 from tubeplanner import PlanOptions, load_problem, parse_problem, plan
 from tubeplanner.cli.main import main
 from tubeplanner.documents import parse_yaml
-from tubeplanner.task.problem_format import check_problem_fields
+from tubeplanner.fields import check_fields
+from tubeplanner.task.problem_format import ProblemFields
 
 SCARA = """<robot name="scara"><link name="base"/>
 <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper arm"/>
@@ -85,7 +86,7 @@ def test_every_commented_field_may_be_given_alone(starter):
     for number in commented:
         one = _switched_on(text, lambda k, number=number: k == number)
         assert one != text
-        check_problem_fields(parse_yaml(one), "the file")
+        check_fields(ProblemFields, parse_yaml(one), "the file")
 
 
 @pytest.mark.dear("plans the first problem of an arm")

@@ -18,11 +18,12 @@ import tubeplanner
 from tubeplanner import PlanOptions, load_cycle, load_study, read_preset
 from tubeplanner.cli import plan as plan_command
 from tubeplanner.cli.main import cli, main
+from tubeplanner.fields import check_fields
 from tubeplanner.output.files.fingerprint import problem_hash
 from tubeplanner.planning import strategy as planner
 from tubeplanner.studies.study_file import study_schema
 from tubeplanner.task.cycle_file import cycle_schema
-from tubeplanner.task.problem_format import check_problem_fields, problem_schema
+from tubeplanner.task.problem_format import ProblemFields, problem_schema
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -147,7 +148,7 @@ def keep_problem(block):
         load(path)
         return
     whole = {name: {**REST.get(name, {}), **value} for name, value in sections(fields).items()}
-    check_problem_fields({**REST, **fields, **whole}, "the page")
+    check_fields(ProblemFields, {**REST, **fields, **whole}, "the page")
     if fields.keys() >= REST.keys():
         Path("problem.yaml").write_text(block)
 

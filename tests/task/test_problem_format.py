@@ -11,11 +11,12 @@ from ruamel.yaml import YAML
 from small_cycle import SMALL
 
 from tubeplanner import ProblemError, load_problem
+from tubeplanner.fields import check_fields
 from tubeplanner.output.files.problem_file import read_fields
 from tubeplanner.resources import bundled_problems
 from tubeplanner.task.field_changes import read_problem_fields
 from tubeplanner.task.problem_format import (
-    check_problem_fields,
+    ProblemFields,
     is_cycle,
     is_study,
     problem_schema,
@@ -53,7 +54,7 @@ def changed(location, value):
 
 
 def fault(data):
-    message = refusal(ProblemError, check_problem_fields, data, "my problem")
+    message = refusal(ProblemError, check_fields, ProblemFields, data, "my problem")
     assert message.startswith("my problem: ")
     return message.removeprefix("my problem: ")
 
@@ -263,16 +264,18 @@ def test_a_key_that_cannot_be_shown_or_is_long_is_quoted(key, shown):
     [("", SCHEMA), ("robot.", DEFS["RobotFields"]), ("tube.", DEFS["TubeFields"])],
 )
 def test_defaults_may_be_written_out(prefix, section):
-    plain = check_problem_fields(MINIMAL, "my problem")
+    plain = check_fields(ProblemFields, MINIMAL, "my problem")
     for name in section["properties"].keys() - MINIMAL.keys() - {"urdf", "tool_frame", "radius"}:
         if name not in section["required"]:
             default = section["properties"][name].get("default")
-            assert check_problem_fields(changed(f"{prefix}{name}", default), "p") == plain
+            assert check_fields(ProblemFields, changed(f"{prefix}{name}", default), "p") == plain
 
 
 def test_arguments_of_a_macro_file_keep_their_types():
     arguments = {"prefix": "left_", "grip": True, "count": 2, "length": 0.5}
-    values = check_problem_fields(changed("robot.xacro_args", arguments), "p").robot.xacro_args
+    values = check_fields(
+        ProblemFields, changed("robot.xacro_args", arguments), "p"
+    ).robot.xacro_args
     assert values == arguments
     assert [type(value) for value in values.values()] == [str, bool, int, float]
 
@@ -280,7 +283,7 @@ def test_arguments_of_a_macro_file_keep_their_types():
 def test_yaml_and_json_say_the_same_in_frozen_fields(tmp_path):
     from_yaml = read(tmp_path, MINIMAL_YAML)
     assert from_yaml == read(tmp_path, json.dumps(MINIMAL), "p.json")
-    assert from_yaml == check_problem_fields(MINIMAL, "my problem")
+    assert from_yaml == check_fields(ProblemFields, MINIMAL, "my problem")
     with pytest.raises(ValueError, match="frozen"):
         from_yaml.clearance = 1.0
 

@@ -132,11 +132,7 @@ class JointInfo:
 
 
 def joint_infos(arm: DescribedArm) -> tuple[tuple[JointInfo, ...], JointLimits]:
-    """Return the planned joints in chain order, and their limits with stand-ins.
-
-    Raises:
-        RobotError: A layer is wrong, for example names an unknown joint.
-    """
+    """Return the planned joints in chain order, and their limits with stand-ins."""
     description, group = arm.description, arm.group
     # Limits for the gaps of a URDF, below all layers.
     joints = [description.joints[name] for name in group]
@@ -304,9 +300,6 @@ def robot_info(urdf: str | Path, tool_frame: str | None = None, **settings: Any)
     """Return the contents and gaps of a robot; missing limits and masses are no errors.
 
     Args as for `load_robot`; without a tool frame, `likely_tool_frame` selects one.
-
-    Raises:
-        RobotError: The URDF is malformed, no joint can move, or an argument does not fit the robot.
     """
     of_model = {name: settings.pop(name) for name in _OF_MODEL if name in settings}
     described = described_arm(urdf, tool_frame, **settings)

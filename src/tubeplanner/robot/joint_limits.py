@@ -70,11 +70,7 @@ GivenLimits: TypeAlias = _Layer | Sequence[_Layer]
 
 
 def layers_of(value: GivenLimits) -> list[LimitLayer]:
-    """Return limits as a list of layers, later layers above.
-
-    Raises:
-        RobotError: An entry is neither LimitOverrides nor a LimitLayer.
-    """
+    """Return limits as a list of layers, later layers above."""
     entries: Sequence[Any] = value if isinstance(value, list | tuple) else [value]
     layers = []
     for entry in entries:
@@ -97,12 +93,7 @@ def merged_scale(layers: Sequence[LimitLayer]) -> dict[str, float]:
 def merged_limits(
     description: UrdfDescription, joint_names: Sequence[str], layers: Sequence[LimitLayer]
 ) -> MergedValues:
-    """Merge the limits of layers for the joints of a planning group.
-
-    Raises:
-        RobotError: A layer is for another number of joints, has another number of values, or names
-            an unknown joint or link.
-    """
+    """Merge the limits of layers for the joints of a planning group."""
     chain = chain_order(description, joint_names)
     followers = followers_of(description, joint_names)
     merged = MergedValues({name: {} for name in PER_JOINT}, {name: {} for name in PER_JOINT})
@@ -241,12 +232,7 @@ class VelocityByPosition:
 
     @classmethod
     def of(cls, where: str, joint: int, law: Any, range_: FloatArray) -> "VelocityByPosition":
-        """Return the law of a joint of `LimitOverrides`, its range (2,) [rad or m] the default.
-
-        Raises:
-            RobotError: A key is unknown or missing, a number is out of its bounds, or there is no
-                finite lower and upper.
-        """
+        """Return the law of a joint of `LimitOverrides`, its range (2,) [rad or m] the default."""
         if not isinstance(law, Mapping):
             raise RobotError(f"{where} is {shown(law)}; give a map with {', '.join(_LAW_KEYS)}")
         for key in law:
@@ -338,12 +324,6 @@ def resolve_limits(
     Position, velocity, acceleration and jerk limits of a follower bound its master too, divided by
     the multiplier; limits that the URDF does not give do not. A follower has no motor: its effort
     limit is not read, its master's holds for the efforts of both.
-
-    Raises:
-        RobotError: A limit is missing, zero, negative or reversed and not replaced, a joint has no
-            finite limit that bounds its speed, a follower or a margin leaves a joint no range, or a
-            layer names a joint that is neither in the group nor a follower, or an unknown link, or
-            has not one value per joint.
     """
     layers, names = layers_of(limits), list(joint_names)
     merged, scale = merged_limits(description, names, layers), merged_scale(layers)

@@ -160,10 +160,6 @@ def described_arm(
     """Read the description of an arm; arguments as of `load_robot`.
 
     Without a tool frame, `likely_tool_frame` selects one.
-
-    Raises:
-        RobotError: A file cannot be read, no joint moves the tool, or an argument is of another
-            kind.
     """
     directory = checked_path("directory", directory)
     folders = package_folders(package_dirs, directory)
@@ -189,11 +185,7 @@ def described_arm(
 
 
 def package_folders(value: GivenPackageDirs, directory: Path) -> PackageDirs:
-    """Return package folders as paths, with their names if they are a map, joined to a directory.
-
-    Raises:
-        OptionError: The folders are no list or map of paths.
-    """
+    """Return package folders joined to a directory, with their names if they are a map."""
     if isinstance(value, Mapping):
         folders = {str(name): checked_path("robot.package_dirs", value[name]) for name in value}
         return tuple((name, directory / folder) for name, folder in folders.items())
@@ -225,9 +217,6 @@ def likely_tool_frame(description: UrdfDescription) -> str:
     Fingers are the branches of a link where the chain parts, if they have fewer joints than the
     chain up to there. Of the links fixed to the end, the last of the longest row is returned; of
     rows of equal length, a link that is only a frame: no collision geometry, no inertia.
-
-    Raises:
-        RobotError: No joint can move.
     """
     leaves = leaf_links(description)
     longest = max(leaves, key=lambda link: len(description.chain(link)))

@@ -35,9 +35,6 @@ def urdf_friction(
 
     Returns:
         Viscous friction [N m s/rad or N s/m] and Coulomb friction [N m or N], shape (n,) each.
-
-    Raises:
-        RobotError: A value of the file is no number, infinite or negative.
     """
     ratios = [(name, column, 1.0) for column, name in enumerate(joint_names)]
     ratios += [
@@ -153,12 +150,7 @@ class JointMotors:
 def merged_motors(
     description: UrdfDescription, joint_names: Sequence[str], layers: Sequence[LimitLayer]
 ) -> MergedValues:
-    """Merge the motors of layers for the joints of a planning group.
-
-    Raises:
-        RobotError: A layer has another number of values than there are joints, or names an unknown
-            joint, or a follower, which has no motor.
-    """
+    """Merge the motors of layers for the joints of a planning group."""
     chain = chain_order(description, joint_names)
     followers = followers_of(description, joint_names)
     names = MOTOR_QUANTITIES
@@ -183,12 +175,7 @@ def merged_motors(
 def resolve_motors(
     description: UrdfDescription, joint_names: Sequence[str], limits: GivenLimits
 ) -> JointMotors:
-    """Return the motors of the joints of a planning group, ideal without values.
-
-    Raises:
-        RobotError: A joint has a single end of a torque-speed line, is unknown or has no motor,
-            there is not one value per joint, or the URDF's friction is requested and invalid.
-    """
+    """Return the motors of the joints of a planning group, ideal without values."""
     layers, names = layers_of(limits), list(joint_names)
     values = merged_motors(description, names, layers).by_joint
     motors = [layer.motors for layer in layers]

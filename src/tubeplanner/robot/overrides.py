@@ -93,11 +93,7 @@ class _JointValues:
     """Fields with values of joints: a number for all, a list in chain order, or a map by name."""
 
     def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:
-        """Return the values of a quantity by joint name, of a chain in its order.
-
-        Raises:
-            RobotError: A list has another number of values than there are joints.
-        """
+        """Return the values of a quantity by joint name, of a chain in its order."""
         values = getattr(self, quantity)
         if isinstance(values, Mapping):
             return values
@@ -112,11 +108,7 @@ class _JointValues:
         return dict(zip(chain, values, strict=True))
 
     def _entries(self, section: str, quantity: str) -> Iterator[tuple[str, Any]]:
-        """Yield each value of a quantity with its label in messages.
-
-        Raises:
-            RobotError: The values are no list, map, or number for all joints.
-        """
+        """Yield each value of a quantity with its label in messages."""
         where, values = f"{section}.{quantity}", getattr(self, quantity)
         if isinstance(values, Mapping):
             for name, value in values.items():
@@ -328,11 +320,7 @@ class LimitFields(DeclaredSection):
 
 
 def limits_of(section: LimitFields) -> LimitOverrides:
-    """Return the limits of a section of a file.
-
-    Raises:
-        RobotError: A number is out of its bounds.
-    """
+    """Return the limits of a section of a file."""
     values = section.model_dump()
     points = tuple(PointSpeed(**point) for point in values["point_speed"])
     return LimitOverrides(**(values | {"point_speed": points}))

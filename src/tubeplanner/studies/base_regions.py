@@ -11,6 +11,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import checked_row, is_number
 from tubeplanner.errors import OptionError, ProblemError, shown
+from tubeplanner.fields import check_fields
 from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.first_guess.pose_configurations import ends_segment, is_free, spread_seeds
 from tubeplanner.orientation import rpy_of_matrix
@@ -18,7 +19,7 @@ from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStat
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.task.endpoints import Endpoint
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.task.problem_format import check_problem_fields, require_problem
+from tubeplanner.task.problem_format import ProblemFields, require_problem
 from tubeplanner.task.problem_reader import end_of, robot_of
 
 # ---- Regions of base poses: a box in the cell, with any angle about the vertical.
@@ -231,7 +232,7 @@ class MovableProblem:
             RobotError: The robot cannot be planned with.
         """
         require_problem(spec.document, spec.name)
-        fields = check_problem_fields(spec.document, spec.name)
+        fields = check_fields(ProblemFields, spec.document, spec.name)
         robot = robot_of(fields, spec.folder)
         seeds = {}
         for end in _ENDS:

@@ -9,11 +9,12 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
+from tubeplanner.fields import check_fields
 from tubeplanner.outcome import Location, PlanStatus
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, require_problem
+from tubeplanner.task.problem_format import ProblemFields, require_problem
 from tubeplanner.task.problem_reader import points_of, robot_of
 
 # ---- Changes of one quantity by any size.
@@ -152,7 +153,7 @@ class Question:
             RobotError: Its robot cannot be planned with.
         """
         require_problem(spec.document, spec.name)
-        fields = check_problem_fields(spec.document, spec.name)
+        fields = check_fields(ProblemFields, spec.document, spec.name)
         if fields.tube is None:
             raise ProblemError(
                 f"{spec.name}: tube is required; `tubeplanner route` finds one from start, goal "

@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 import tubeplanner
 from tubeplanner.checks import checked_path
 from tubeplanner.errors import TubePlannerError
+from tubeplanner.fields import check_fields
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.resources import (
     PackageDirs,
@@ -35,7 +36,7 @@ from tubeplanner.task.cycle_file import CycleFields, parse_cycle
 from tubeplanner.task.field_changes import changed_problem
 from tubeplanner.task.includes import ProblemLayers, paths_in
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, is_cycle
+from tubeplanner.task.problem_format import ProblemFields, is_cycle
 from tubeplanner.task.problem_reader import build_problem
 
 # ---- Hashes of all inputs of an answer: problem, files by contents, options, package.
@@ -219,7 +220,7 @@ class ProblemSpec:
         """
         if is_cycle(self.document):
             return parse_cycle(self.document, self.folder, self.name)
-        fields = check_problem_fields(self.document, self.name)
+        fields = check_fields(ProblemFields, self.document, self.name)
         cell = {key: self.document[key] for key in _CELL if key in self.document}
         key = document_hash(cell, self.folder)
         like = _cells.get(key)

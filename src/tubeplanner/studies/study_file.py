@@ -133,6 +133,7 @@ class StudiedFields(Section):
 class StudyFields(Section):
     """Many plans: of one or several problems, with other values of some fields."""
 
+    what = "a study is a map"
     model_config = ConfigDict(title="tubeplanner study")
 
     format: Literal["tubeplanner/study"] = Field(description="what this file is")
@@ -155,7 +156,7 @@ def check_study_fields(data: object, source: str) -> StudyFields:
     Raises:
         ProblemError: A key is unknown, a value has the wrong type. The message names the field.
     """
-    return check_fields(StudyFields, data, "a study is a map", source, None)
+    return check_fields(StudyFields, data, source)
 
 
 # ---- Reading.

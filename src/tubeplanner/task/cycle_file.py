@@ -1,7 +1,7 @@
 """The cycle file's format; load_cycle, parse_cycle; files of a problem or a cycle."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -132,6 +132,7 @@ StepFields: TypeAlias = Annotated[
 class CycleFields(Section):
     """Moves one after the other. SI units, radians; positions in the URDF's root link's frame."""
 
+    what = "a cycle is a map"
     model_config = ConfigDict(title="tubeplanner cycle")
 
     format: Literal["tubeplanner/cycle"] = Field(description="what this file is")
@@ -162,17 +163,6 @@ class CycleFields(Section):
 def cycle_schema() -> dict[str, Any]:
     """Return the JSON schema of the cycle file."""
     return CycleFields.model_json_schema(by_alias=True)
-
-
-def check_cycle_fields(
-    data: object, source: str, source_of: Callable[[Any, Sequence[int | str]], str]
-) -> CycleFields:
-    """Check the fields of a cycle in nested dictionaries; arguments as `check_fields`.
-
-    Raises:
-        ProblemError: A key is unknown, a value has the wrong type. The message names the field.
-    """
-    return check_fields(CycleFields, data, "a cycle is a map", source, source_of)
 
 
 # ---- Cycles from files and from nested dictionaries.
@@ -227,7 +217,7 @@ def _build(
 ) -> Cycle:
     source = layers.sources[-1]
     data = changed_problem(layers.merged, changes, CycleFields)
-    fields = check_cycle_fields(data, source, layers.source_of)
+    fields = check_fields(CycleFields, data, source, layers.source_of)
     reader = _MoveReader(data, directory, source)
     steps = [
         reader.move(k, step) if isinstance(step, MoveFields) else None

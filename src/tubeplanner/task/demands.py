@@ -63,11 +63,7 @@ class Contact:
 
 
 def pair_distances(value: Mapping[Names, float]) -> Mapping[Names, float]:
-    """Return clearances [m] by pairs of names, checked.
-
-    Raises:
-        ProblemError: A number is negative or too large, or a key is no pair of names.
-    """
+    """Return clearances [m] by pairs of names, checked."""
     if not isinstance(value, Mapping):
         raise ProblemError(
             f"clearance.pairs is {shown(value)}; give a map from pairs of names to distances [m]"
@@ -232,11 +228,7 @@ _MIN_PERIOD, _MAX_CONTROLLER_PERIOD = 1e-5, 1.0  # [s]
 
 
 def require_period(period: float, duration: float | None) -> None:
-    """Raise unless a controller's period [s] is within bounds and divides a duration [s], if any.
-
-    Raises:
-        ProblemError: The period is out of its bounds, or the duration is no multiple of it.
-    """
+    """Raise unless a period [s] is within bounds and divides the duration [s], if there is one."""
     if not is_number(period) or not _MIN_PERIOD <= period <= _MAX_CONTROLLER_PERIOD:
         raise ProblemError(
             f"period is {in_figures(period)} s; give the controller's, {_MIN_PERIOD:g} to "

@@ -22,11 +22,7 @@ from tubeplanner.text import short_repr
 
 
 def configuration_of(robot: RobotModel, what: str, values: Any) -> FloatArray:
-    """Return a configuration (n,) [rad or m] from joint values in group order or by joint name.
-
-    Raises:
-        ProblemError: The values are not n finite numbers, or a name is unknown or missing.
-    """
+    """Return a configuration (n,) [rad or m] from joint values in group order or by joint name."""
     names = robot.joint_names
     if isinstance(values, Mapping):
         for name in values:

@@ -1,82 +1,19 @@
 """Changes of single fields by path, such as `obstacles.wall.position`."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
-
-from pydantic import BaseModel
+from typing import Any, TypeVar
 
 from tubeplanner.checks import is_number
 from tubeplanner.documents import DocumentError, parse_yaml, require_shallow
 from tubeplanner.errors import OptionError, ProblemError, shown, unknown_name
-from tubeplanner.fields import Section
+from tubeplanner.fields import SchemaLocation, Section, check_fields
 from tubeplanner.task.includes import INCLUDE, ProblemLayers
-from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, require_problem
+from tubeplanner.task.problem_format import ProblemFields, require_problem
 
-
-@dataclass(frozen=True)
-class SchemaLocation:
-    """Place in the schema of a document.
-
-    Attributes:
-        kinds: Types that are valid here: models, maps, lists and scalars.
-    """
-
-    kinds: tuple[Any, ...]
-
-    @classmethod
-    def of(cls, *annotations: Any) -> "SchemaLocation":
-        """Return the place of a value with alternative annotations."""
-        return cls(tuple(_kinds(annotations)))
-
-    @property
-    def keys(self) -> list[str]:
-        """Names of the fields of a map here; empty if any key is valid, or no map is."""
-        models = [kind for kind in self.kinds if _is_model(kind)]
-        return [
-            field.alias or name for model in models for name, field in model.model_fields.items()
-        ]
-
-    @property
-    def may_be_map(self) -> bool:
-        """True if a map is valid here."""
-        return any(_is_model(kind) or get_origin(kind) is dict for kind in self.kinds)
-
-    def below(self, key: str) -> "SchemaLocation | None":
-        """Return the place under a key of a map; None: the key is unknown."""
-        annotations = [get_args(kind)[1] for kind in self.kinds if get_origin(kind) is dict]
-        for model in self.kinds:
-            if _is_model(model):
-                fields = {field.alias or name: field for name, field in model.model_fields.items()}
-                annotations += [fields[key].annotation] if key in fields else []
-        return SchemaLocation.of(*annotations) if annotations else None
-
-    @property
-    def item(self) -> "SchemaLocation":
-        """Place of the items of a list."""
-        lists = [kind for kind in self.kinds if get_origin(kind) in (list, tuple)]
-        return SchemaLocation.of(*(each for kind in lists for each in get_args(kind)))
-
-
-def _kinds(annotations: Iterable[Any]) -> Iterable[Any]:
-    """Yield the types of annotations, unions taken apart."""
-    for annotation in annotations:
-        origin, arguments = get_origin(annotation), get_args(annotation)
-        if origin in (Union, UnionType):
-            yield from _kinds(arguments)
-        elif origin is Annotated:
-            yield from _kinds(arguments[:1])
-        else:
-            yield annotation
-
-
-def _is_model(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, BaseModel)
-
+_Section = TypeVar("_Section", bound=Section)
 
 # ---- Changes of single fields, made before the schema's check.
 #
@@ -87,48 +24,16 @@ _FACTOR = re.compile(r"x([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 
 
 def parse_change(option: str, text: str) -> tuple[str, Any]:
-    """Return path and value of FIELD.PATH=VALUE, the value in YAML.
-
-    Raises:
-        OptionError: The text is no change.
-    """
+    """Return path and value of FIELD.PATH=VALUE, the value in YAML."""
     path, value = _parted_at_equals(option, text, "VALUE", "tube.radius=0.02")
     return path, _parsed(option, text, value)
 
 
 def parse_variation(option: str, text: str) -> tuple[str, list[Any]]:
-    """Return path and values of FIELD.PATH=V1,V2,...: a list in YAML without its brackets.
-
-    Raises:
-        OptionError: The text is no variation.
-    """
+    """Return path and values of FIELD.PATH=V1,V2,...: a list in YAML without its brackets."""
     path, values = _parted_at_equals(option, text, "V1,V2,...", "tube.radius=0.01,0.02")
     parsed: list[Any] = _parsed(option, text, f"[{values}]")
     return path, parsed
-
-
-def changed_fields(data: Any, changes: Mapping[str, Any], root: SchemaLocation) -> Any:
-    """Return a copy of a document with other values at some paths.
-
-    Args:
-        data: Content of a file, as dictionaries and lists; unchanged.
-        changes: Values by path, applied in their order. A missing key is made if the schema has it.
-        root: Place of the whole document in its schema.
-
-    Raises:
-        ProblemError: A path leads nowhere, or to no number where a factor is given, or a value is
-            nested too deep.
-    """
-    if not changes or not isinstance(data, dict):
-        return data
-    fields = deepcopy(data)
-    for path, value in changes.items():
-        try:
-            require_shallow(value)
-        except DocumentError as error:
-            raise ProblemError(f"{path}: {error}") from None
-        _Walk(path).change(fields, value, root)
-    return fields
 
 
 def require_path(path: object) -> None:
@@ -270,35 +175,28 @@ def _parsed(option: str, text: str, value: str) -> Any:
 
 
 def read_problem_fields(path: Path, changes: Mapping[str, Any] | None = None) -> ProblemFields:
-    """Read a problem file, YAML 1.2 or JSON, and its included files, with changes by path.
-
-    Raises:
-        ProblemError: A file cannot be read or is a cycle, a key is unknown or doubled, a value has
-            the wrong type. The message names the file and the field.
-    """
+    """Read a problem file, YAML 1.2 or JSON, and its included files, with changes by path."""
     return checked_layers(ProblemLayers.read(path), changes)
 
 
 def checked_layers(
-    layers: ProblemLayers, changes: Mapping[str, Any] | None = None
-) -> ProblemFields:
-    """Return the checked fields of merged layers, with other values at some field paths.
-
-    Raises:
-        ProblemError: As `read_problem_fields`.
-    """
-    require_problem(layers.documents[-1], layers.sources[-1])
-    data = changed_problem(layers.merged, changes)
-    return check_problem_fields(data, layers.sources[-1], layers.source_of)
+    layers: ProblemLayers,
+    changes: Mapping[str, Any] | None = None,
+    model: type[_Section] = ProblemFields,  # type: ignore[assignment]
+) -> _Section:
+    """Return the checked fields of merged layers, with other values at some field paths."""
+    if model is ProblemFields:
+        require_problem(layers.documents[-1], layers.sources[-1])
+    data = changed_problem(layers.merged, changes, model)
+    return check_fields(model, data, layers.sources[-1], layers.source_of)
 
 
 def changed_problem(
     data: Any, changes: Mapping[str, Any] | None, model: type[Section] = ProblemFields
 ) -> Any:
-    """Return the merged content of a problem file with other values at field paths.
+    """Return a copy of the merged content of a file with other values at field paths.
 
-    Raises:
-        ProblemError: As `changed_fields`; or changes are no map from paths, or change `include`.
+    Changes are made in their order; a missing key is made if the schema of the model has it.
     """
     if changes is None:
         return data
@@ -309,4 +207,13 @@ def changed_problem(
                 f"{path}: values are changed after files are included; change {INCLUDE} in the "
                 "file, or set the fields themselves"
             )
-    return changed_fields(data, changes, SchemaLocation.of(model))
+    if not changes or not isinstance(data, dict):
+        return data
+    fields = deepcopy(data)
+    for path, value in changes.items():
+        try:
+            require_shallow(value)
+        except DocumentError as error:
+            raise ProblemError(f"{path}: {error}") from None
+        _Walk(path).change(fields, value, SchemaLocation((model,)))
+    return fields

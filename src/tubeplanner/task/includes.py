@@ -135,21 +135,12 @@ class ProblemLayers:
 
     @classmethod
     def read(cls, path: Path) -> "ProblemLayers":
-        """Read a problem file, YAML 1.2 or JSON, and its included files.
-
-        Raises:
-            ProblemError: As `of`; or the file itself cannot be read.
-        """
+        """Read a problem file, YAML 1.2 or JSON, and its included files."""
         return cls.of(read_document(path), path.parent, str(path), path)
 
     @classmethod
     def of(cls, data: Any, folder: Path, source: str, path: Path | None = None) -> "ProblemLayers":
-        """Return the layers of a document with relative paths from a folder, from a file if any.
-
-        Raises:
-            ProblemError: An included file cannot be read or is no part of a problem, files include
-                each other in a circle, or the document is nested too deep.
-        """
+        """Return the layers of a document with relative paths from a folder, from a file if any."""
         try:
             require_shallow(data)
         except DocumentError as error:

@@ -18,9 +18,9 @@ from tubeplanner.robot.info import RobotInfo, robot_info
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import Extent, angles_of, doubts, implausible_values, unlimited_notes
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_file import CycleFields, check_cycle_fields, load_cycle
+from tubeplanner.task.cycle_file import CycleFields, load_cycle
 from tubeplanner.task.endpoints import Endpoint
-from tubeplanner.task.field_changes import changed_problem, read_problem_fields
+from tubeplanner.task.field_changes import checked_layers, read_problem_fields
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.legs import Leg, step_text
 from tubeplanner.task.motion import Task
@@ -81,12 +81,7 @@ class TaskInfo:
 
 
 def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> TaskInfo:
-    """Return the content of a problem file, with its robot even if the problem does not load.
-
-    Raises:
-        ProblemError: The file cannot be read or contradicts its format.
-        RobotError: Its URDF, its SRDF or a file of limits cannot be read.
-    """
+    """Return the content of a problem file, with its robot even if the problem does not load."""
     path = find_problem(name, Path())
     fields = read_problem_fields(path, changes)
     load = partial(load_problem, name, reads_tube=fields.tube is not None, changes=changes)
@@ -96,9 +91,7 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
 def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> TaskInfo:
     """Return the content of a cycle file; arguments and errors as of `problem_info`."""
     path = find_problem(name, Path())
-    layers = ProblemLayers.read(path)
-    data = changed_problem(layers.merged, changes, CycleFields)
-    fields = check_cycle_fields(data, layers.sources[-1], layers.source_of)
+    fields = checked_layers(ProblemLayers.read(path), changes, CycleFields)
     load = partial(load_cycle, name, changes=changes)
     return _task_info("cycle", fields, path.parent, load)
 

@@ -415,11 +415,7 @@ def require_parts(holder: object, *names: str, label: str = "") -> None:
 
 
 def given_members(group: str, value: object, label: str = "") -> tuple[Any, ...]:
-    """Return a group of solids, contacts or pairs of names as a tuple; a single member alone too.
-
-    Raises:
-        ProblemError: A member is of another kind.
-    """
+    """Return a group of solids, contacts or pairs of names, or a single member, as a tuple."""
     kind, remedy = _MEMBERS[group]
     members: tuple[Any, ...] = (value,)
     # An array without dimensions is an Iterable, but cannot be iterated.

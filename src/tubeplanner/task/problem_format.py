@@ -1,6 +1,5 @@
 """The problem file's format: fields, units, defaults; the kind of a document."""
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
@@ -18,7 +17,6 @@ from tubeplanner.fields import (
     Section,
     Vector,
     Version,
-    check_fields,
     is_plain_number,
     no_flag,
     one_of,
@@ -154,11 +152,7 @@ def segment_clearances(fields: float | ClearanceFields) -> list[float | None] | 
 
 
 def contacts_of(fields: list[ContactFields], segments: int | None) -> tuple[Contact, ...]:
-    """Return the contacts of a problem with a number of segments; None: not known yet.
-
-    Raises:
-        ProblemError: A segment is neither the first nor the last.
-    """
+    """Return the contacts of a problem with a number of segments; None: not known yet."""
     return tuple(
         Contact(each.links, each.within, _ends(k, each.segments, segments))
         for k, each in enumerate(fields)
@@ -423,6 +417,7 @@ class RobustnessFields(DeclaredSection):
 class ProblemFields(Section):
     """A tubeplanner problem. SI units, radians; positions in the frame of the URDF's root link."""
 
+    what = "a problem is a map with robot, tube and start"
     model_config = ConfigDict(title="tubeplanner problem")
 
     format: Literal["tubeplanner/problem"] = Field(PROBLEM_FORMAT, description="what this file is")
@@ -463,25 +458,8 @@ def problem_schema() -> dict[str, Any]:
     return ProblemFields.model_json_schema(by_alias=True)
 
 
-def check_problem_fields(
-    data: object, source: str, source_of: Callable[[Any, Sequence[int | str]], str] | None = None
-) -> ProblemFields:
-    """Check the fields of a problem in nested dictionaries and lists; arguments as `check_fields`.
-
-    Raises:
-        ProblemError: A key is unknown, a value has the wrong type. The message names the field.
-    """
-    return check_fields(
-        ProblemFields, data, "a problem is a map with robot, tube and start", source, source_of
-    )
-
-
 def read_document(path: Path, what: str = "problem file") -> object:
-    """Return the content of a YAML or JSON file, with a label, as dictionaries and lists.
-
-    Raises:
-        ProblemError: The file cannot be read or is malformed.
-    """
+    """Return the content of a YAML or JSON file, with a label, as dictionaries and lists."""
     try:
         text = read_text(path, _MAX_BYTES)
     except DocumentError as error:

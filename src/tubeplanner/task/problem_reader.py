@@ -124,10 +124,6 @@ def build_problem(
         source: Begin of messages about the fields.
         tube_of: Function that makes the tube; None: the tube of the file.
         like: Problem whose robot and solids are shared; None: both are built.
-
-    Raises:
-        ProblemError: As `load_problem`.
-        RobotError: As `load_problem`.
     """
     try:
         robot = robot_of(fields, directory) if like is None else like.robot
@@ -170,20 +166,12 @@ def _robustness(fields: RobustnessFields | None, directory: Path) -> Robustness 
 
 
 def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
-    """Return the arm of a problem file whose relative paths start in a directory.
-
-    Raises:
-        RobotError: The robot cannot be planned with.
-    """
+    """Return the arm of a problem file whose relative paths start in a directory."""
     return load_robot(**robot_arguments(problem.robot, directory))
 
 
 def robot_arguments(fields: RobotFields, directory: Path) -> dict[str, Any]:
-    """Return the arguments of `load_robot` and `robot_info` for the arm of a problem file.
-
-    Raises:
-        RobotError: A number is out of its bounds, or a file of limits is missing or malformed.
-    """
+    """Return the arguments of `load_robot` and `robot_info` for the arm of a problem file."""
     return {
         "urdf": fields.urdf,
         "tool_frame": fields.tool_frame,
@@ -214,11 +202,7 @@ def _limit_layers(fields: RobotFields, directory: Path) -> list[LimitOverrides |
 
 
 def points_of(fields: TubeFields, directory: Path) -> dict[str, Any]:
-    """Return points, radius and orientations of a tube, from its fields or its file of points.
-
-    Raises:
-        ProblemError: Radius or orientations are in both, or the radius in neither.
-    """
+    """Return points, radius and orientations of a tube, from its fields or its file of points."""
     arguments: dict[str, Any] = {"radius": fields.radius, "orientations": fields.orientations}
     points: Any = fields.points
     if isinstance(points, str):
@@ -295,12 +279,7 @@ def end_of(
     robot: RobotModel,
     directory: Path,
 ) -> Any:
-    """Return the argument start or goal of a `PlanningProblem`; None: an open goal.
-
-    Raises:
-        ProblemError: The fields have several ends or none, or name a state or file that does not
-            exist.
-    """
+    """Return the argument start or goal of a `PlanningProblem`; None: an open goal."""
     if value is None:
         return None
     if value.position is None and (value.tolerance or value.rotation_tolerance is not None):
@@ -330,9 +309,6 @@ def named_endpoint(
 
     Returns:
         A configuration (n,) [rad or m], a pose, or None if the fields have none of the three.
-
-    Raises:
-        ProblemError: The fields have more than one of them, or some joints have no value.
     """
     keys = [key for key in (*_ALONE, *_OTHERS) if getattr(fields, key) is not None]
     if not set(_ALONE) & set(keys):
@@ -396,11 +372,7 @@ def _values(values: JointValues | None) -> Any:
 
 
 def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict[str, Any]:
-    """Return the arguments of a problem for its solids.
-
-    Raises:
-        ProblemError: A mesh cannot be read, or a solid contradicts itself.
-    """
+    """Return the arguments of a problem for its solids."""
     folders = robot.package_dirs
     obstacles = tuple(obstacle_of(each, directory, folders) for each in fields.obstacles)
     attached = tuple(attached_of(each, directory, folders) for each in fields.robot.attached)
@@ -417,11 +389,7 @@ def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict
 def obstacle_of(
     fields: ObstacleFields, directory: Path, folders: PackageDirs, field: str | None = None
 ) -> Obstacle:
-    """Return the solid of fields, called as a field in messages; None: an obstacle of its name.
-
-    Raises:
-        ProblemError: The fields have not exactly one shape, or a number is out of its bounds.
-    """
+    """Return the solid of fields, called as a field in messages; None: an obstacle of its name."""
     field = field or f"obstacles: '{fields.name}'"
     kinds = ("box", "sphere", "cylinder", "capsule", "mesh")
     shapes = [kind for kind in kinds if getattr(fields, kind) is not None]

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from tubeplanner.checks import checked_path
 from tubeplanner.documents import DocumentError, read_text
 from tubeplanner.errors import ProblemError, RobotError, shown, unknown_name
-from tubeplanner.fields import Flag, Number, Section, Version, first_fault
+from tubeplanner.fields import Flag, Number, Section, Version, check_fields
 from tubeplanner.resources import bundled_presets, find_preset
 from tubeplanner.robot.joint_limits import LimitLayer
 from tubeplanner.robot.model import RobotModel
@@ -31,6 +31,8 @@ from tubeplanner.task.problem_format import RobustnessFields, read_document
 
 class _PresetFields(Section):
     """A file for all arms of one kind, or for a controller. SI units; lists in chain order."""
+
+    what = "a preset is a map with format, joints and limits or motors, or robustness, and sources"
 
     format: Literal["tubeplanner/preset"] = Field(description="what this file is")
     version: Version = Field(1, description="of the format")
@@ -110,15 +112,7 @@ def _preset(name: str | Path, directory: str | Path) -> tuple[str, _PresetFields
         data = read_document(path, "file")
     except ProblemError as error:
         raise RobotError(f"{label}: {error}") from None
-    if not isinstance(data, dict):
-        raise RobotError(
-            f"{label}: a preset is a map with format, joints and limits or motors, or robustness, "
-            "and sources"
-        )
-    try:
-        fields = _PresetFields.model_validate(data)
-    except ValidationError as error:
-        raise RobotError(f"{label}: {first_fault(data, error, _PresetFields)}") from None
+    fields = check_fields(_PresetFields, data, label, error=RobotError)
     if fields.limits.scale:
         raise RobotError(f"{label}: limits.scale belongs into robot.limits of a problem")
     names = fields.value
@@ -221,10 +215,7 @@ def read_limits_file(path: str | Path) -> LimitLayer:
     if not isinstance(data, dict):
         raise RobotError(f"{path}: a file of limits is a map with joint_limits")
     data, unknown = _known_keys(data if "joint_limits" in data else _inner_limits(data) or data)
-    try:
-        fields = _FileFields.model_validate(data)
-    except ValidationError as error:
-        raise RobotError(f"{path}: {first_fault(data, error, _FileFields)}") from None
+    fields = check_fields(_FileFields, data, str(path), error=RobotError)
     try:
         limits = _limits_of_joints(fields)
     except RobotError as error:

@@ -26,9 +26,8 @@ from tubeplanner.output.files.problem_file import (
     with_problem,
 )
 from tubeplanner.resources import bundled_folder
-from tubeplanner.task.field_changes import SchemaLocation, changed_fields, changed_problem
+from tubeplanner.task.field_changes import changed_problem
 from tubeplanner.task.includes import ProblemLayers, merged_fields, move_paths
-from tubeplanner.task.problem_format import ProblemFields
 
 # A file's own fields, changed so that with what it includes they say what is wanted.
 
@@ -60,7 +59,7 @@ OWN = {"clearance": 0.1, "obstacles": [BALL, OTHER_BALL]}
 )
 def test_only_what_is_changed_is_written(path, value, written):
     own, merged = copy.deepcopy(OWN), merged_fields(BELOW, OWN)
-    target = changed_fields(merged, {path: value}, SchemaLocation.of(ProblemFields))
+    target = changed_problem(merged, {path: value})
     change_own(own, merged, target)
     assert own == OWN | written
     assert merged_fields(BELOW, own) == target

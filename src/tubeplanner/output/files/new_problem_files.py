@@ -14,6 +14,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import TrajectoryError
+from tubeplanner.fields import check_fields
 from tubeplanner.orientation import quaternion_of_matrix
 from tubeplanner.output.files.problem_file import included_fields, new_fields, read_fields
 from tubeplanner.resources import find_problem, rebased
@@ -21,7 +22,7 @@ from tubeplanner.studies.tubes.starter_problem import StarterProblem
 from tubeplanner.studies.tubes.teach import joint_trail
 from tubeplanner.task.info import problem_doubts
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.task.problem_format import PROBLEM_FORMAT, check_problem_fields
+from tubeplanner.task.problem_format import PROBLEM_FORMAT, ProblemFields
 from tubeplanner.task.problem_reader import parse_problem, robot_of
 from tubeplanner.trajectory.reader import read_trajectory_file
 
@@ -273,7 +274,9 @@ def taught_problem(
         TrajectoryError: The trail cannot be read, or is not of this robot.
     """
     ends: dict[str, Any] = {"start": {"joints": []}, "goal": {"joints": []}}
-    robot = robot_of(check_problem_fields({**cell.known_keys, **ends}, cell.source), cell.folder)
+    robot = robot_of(
+        check_fields(ProblemFields, {**cell.known_keys, **ends}, cell.source), cell.folder
+    )
     read = read_trajectory_file(path, robot.joint_names)
     trajectory = read.trajectory
     if read.interpolation is None:

@@ -39,11 +39,7 @@ _CELL = ("obstacles", "clearance", "contacts", "collision")
 
 
 def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
-    """Return the fields of a problem file with changes by path, of YAML with comments.
-
-    Raises:
-        ProblemError: The file cannot be read, has no map or a cycle, or a path leads nowhere.
-    """
+    """Return the fields of a problem file with changes by path, of YAML with comments."""
     plain = read_document(path)  # raises the clearer messages
     if not isinstance(plain, dict):
         raise ProblemError(f"{path}: a problem is a map with robot, tube and start")
@@ -69,11 +65,7 @@ def _with_comments(path: Path) -> Any:
 
 
 def included_fields(fields: Any, folder: Path, path: Path | None = None) -> Any:
-    """Return the fields of a problem file in a folder with its included files.
-
-    Raises:
-        ProblemError: An included file cannot be read or is no problem.
-    """
+    """Return the fields of a problem file in a folder with its included files."""
     return ProblemLayers.of(fields, folder, str(path or "the problem"), path).merged
 
 
@@ -84,9 +76,6 @@ def new_fields(urdf: str, tool_frame: str, cell: Path | None) -> Any:
         urdf: As `robot.urdf`.
         tool_frame: As `robot.tool_frame`.
         cell: A file of obstacles, clearance and collision rules; None: no obstacles.
-
-    Raises:
-        ProblemError: The file cannot be read, or has no obstacles.
     """
     robot = CommentedMap(urdf=urdf, tool_frame=tool_frame)
     fields = CommentedMap(format=PROBLEM_FORMAT, version=1, robot=robot)
