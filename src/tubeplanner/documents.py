@@ -43,11 +43,7 @@ class DocumentError(ValueError):
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """Return the contents of a regular file.
-
-    Args:
-        path: The file.
-        most: Largest allowed size [bytes].
+    """Return the contents of a regular file of at most `most` bytes.
 
     Raises:
         DocumentError: The file cannot be read, is no regular file, or is larger.
@@ -121,10 +117,7 @@ def parse_yaml(text: str, *, first_of_many: bool = False) -> object:
     """Return the value of a YAML text: dictionaries, lists, text, numbers, truth values, None.
 
     An alias gives the same object again. `<<` merges maps; written keys hold before merged ones.
-
-    Args:
-        text: The YAML text.
-        first_of_many: Documents after the first are allowed, and ignored.
+    Documents after the first are an error, or `first_of_many` ignored.
 
     Raises:
         DocumentError: The text is malformed, nested deeper than `MAX_NESTING`, or its aliases stand

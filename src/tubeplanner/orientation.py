@@ -123,15 +123,10 @@ def quaternion_of_matrix(matrix: FloatArray) -> FloatArray:
 
 
 def nearest_branch(v: FloatArray, near: FloatArray, components: BoolArray) -> FloatArray:
-    """Return equivalent rotation vectors [rad] nearest to given vectors, shape (..., 3).
+    """Return the equivalents of rotation vectors (..., 3) of at most pi nearest to others [rad].
 
     A rotation by a about an axis is a rotation by 2 pi - a about the opposite axis. The latter is
-    returned if it is nearer and its angle at most 3/2 pi.
-
-    Args:
-        v: Rotation vectors of at most pi, shape (..., 3).
-        near: Rotation vectors to be near to, shape (..., 3).
-        components: Components that count: bool, shape (3,).
+    returned if it is nearer, by the components that count (3,), and its angle at most 3/2 pi.
     """
     angle = np.linalg.norm(v, axis=-1, keepdims=True)
     if (angle <= np.pi / 2).all():
@@ -154,11 +149,8 @@ def rotation_matrix(v: FloatArray) -> FloatArray:
 def inverse_right_jacobian(v: FloatArray) -> FloatArray:
     """Return J with dv/dt = J w, w being the angular velocity of exp([v]) in its own frame.
 
-    Args:
-        v: Rotation vectors, shape (..., 3), length at most pi.
-
-    Returns:
-        Shape (..., 3, 3): 1 + [v] / 2 + c [v]^2, c = 1 / a^2 - cot(a / 2) / (2 a), a = |v|.
+    Of rotation vectors (..., 3) of at most pi, shape (..., 3, 3): 1 + [v] / 2 + c [v]^2, where
+    c = 1 / a^2 - cot(a / 2) / (2 a), a = |v|.
     """
     k = skew(v)
     c = _second_coefficient(np.linalg.norm(v, axis=-1))[..., None, None]

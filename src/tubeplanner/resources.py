@@ -102,11 +102,7 @@ def example_robot_names() -> list[str]:
 
 
 def find_problem(name: str | Path, directory: Path) -> Path:
-    """Return the path of a problem file, a cycle file or a study file.
-
-    Args:
-        name: A path, relative to `directory` or absolute, or `example:ROBOT/NAME`.
-        directory: Where relative paths start.
+    """Return the path of a problem, cycle or study file by its path or `example:ROBOT/NAME`.
 
     Raises:
         ProblemError: The file, or the bundled one, does not exist.
@@ -127,11 +123,7 @@ def find_problem(name: str | Path, directory: Path) -> Path:
 
 
 def find_preset(name: str | Path, directory: Path) -> Path:
-    """Return the path of a preset.
-
-    Args:
-        name: A bundled name, or a path of a YAML or JSON file.
-        directory: Where relative paths start.
+    """Return the path of a preset by its bundled name or the path of a YAML or JSON file.
 
     Raises:
         RobotError: The preset does not exist.
@@ -158,13 +150,7 @@ def find_limits_file(name: str, directory: Path, package_dirs: PackageDirs = ())
 
 
 def find_description(name: str | Path, directory: Path, package_dirs: PackageDirs = ()) -> Path:
-    """Return the path of a robot's URDF.
-
-    Args:
-        name: A path, relative to `directory` or absolute, `file://`, `package://PACKAGE/...`, or
-            `example:NAME`.
-        directory: Where relative paths start.
-        package_dirs: Further folders that hold packages.
+    """Return the path of a URDF by a path, `file://`, `package://PACKAGE/...` or `example:NAME`.
 
     Raises:
         RobotError: The file or the name does not exist.
@@ -179,11 +165,8 @@ def find_description(name: str | Path, directory: Path, package_dirs: PackageDir
 def find_mesh(filename: str, urdf: Path, package_dirs: PackageDirs = ()) -> Path:
     """Return the path of a mesh named in a URDF, the same for every reader of the URDF.
 
-    Args:
-        filename: The attribute `filename` of the URDF: `package://`, `file:`, absolute, or
-            relative to the URDF; `%20` stands for a blank unless a file has that very name.
-        urdf: The URDF that names the mesh.
-        package_dirs: Further folders that hold packages.
+    The name is `package://`, `file:`, absolute, or relative to the URDF; `%20` stands for a blank
+    unless a file has that very name.
 
     Raises:
         RobotError: The mesh does not exist; every folder that was tried is listed.
@@ -192,12 +175,7 @@ def find_mesh(filename: str, urdf: Path, package_dirs: PackageDirs = ()) -> Path
 
 
 def find_package(package: str, file: Path, package_dirs: PackageDirs = ()) -> Path:
-    """Return the folder of a package that a robot's file names.
-
-    Args:
-        package: Name of the package.
-        file: The file that names the package; the folders above are searched too.
-        package_dirs: Further folders that hold packages.
+    """Return the folder of a package that a file names; folders above the file are searched.
 
     Raises:
         RobotError: No folder has the package; every folder that was tried is listed.
@@ -211,13 +189,7 @@ def find_package(package: str, file: Path, package_dirs: PackageDirs = ()) -> Pa
 
 
 def rebased(name: str, before: Path, after: Path) -> str:
-    """Return a name of a file relative to another folder; absolute names and URIs stay.
-
-    Args:
-        name: A path or URI.
-        before: Folder to which the name is relative.
-        after: Folder to which the result is relative.
-    """
+    """Return the name of a file relative to another folder; absolute names and URIs stay."""
     head, tail = _without_file_scheme(name)
     if name.startswith(EXAMPLE_PREFIX) or tail.startswith("/") or _URI.match(tail):
         return name

@@ -10,8 +10,7 @@ import trimesh
 from arms import axle
 
 from tubeplanner.geometry.collision_checker import CollisionChecker, link_covers
-from tubeplanner.geometry.cover_cache import VARIABLE, cache_folder
-from tubeplanner.geometry.meshes import MeshFile
+from tubeplanner.geometry.meshes import VARIABLE, MeshFile, cache_folder
 
 
 @pytest.fixture

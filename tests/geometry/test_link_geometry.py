@@ -14,9 +14,8 @@ from scipy.spatial import ConvexHull
 from tubeplanner import LimitOverrides
 from tubeplanner.errors import RobotError
 from tubeplanner.geometry.collision_checker import CollisionChecker, link_covers
-from tubeplanner.geometry.cover_cache import VARIABLE
 from tubeplanner.geometry.link_geometry import link_elements, link_parts, link_shapes
-from tubeplanner.geometry.meshes import cover_mesh
+from tubeplanner.geometry.meshes import VARIABLE, cover_mesh
 from tubeplanner.resources import find_mesh
 
 ARM = solid('<box size="0.1 0.2 0.3"/>', '<origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/>')

@@ -12,9 +12,9 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.geometry.body_shapes import BodyShape, BodyShapes
 from tubeplanner.geometry.convex_shapes import ConvexShape, extent_of
-from tubeplanner.geometry.cover_cache import Arrays, cached, content_hash, packed, unpacked
 from tubeplanner.geometry.fine_covers import Cover, surface_samples
 from tubeplanner.geometry.link_geometry import LinkPart, link_parts
+from tubeplanner.geometry.meshes import Arrays, cached, content_hash, packed, unpacked
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, open_meshes
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import Extent
@@ -374,11 +374,7 @@ def _judged_pairs(
 ) -> _LinkPairs:
     """Return the pairs of links that always touch, and closer covers where they are needed.
 
-    Args:
-        robot: The arm.
-        parts: Collision elements of its links.
-        covers: Their usual covers, in the frames of their bodies.
-        pairs: Of links that joints move against each other.
+    Covers are the usual ones, in the frames of the bodies; joints move the pairs apart.
     """
     if not pairs:
         return _LinkPairs((), (), {})

@@ -218,12 +218,7 @@ class BoundingBoxes:
     half: FloatArray
 
     def distance(self, shape: IntArray, point: FloatArray) -> FloatArray:
-        """Return the distances of points from the boxes of shapes, shape (M,) [m]; 0 inside.
-
-        Args:
-            shape: Indices, shape (M,).
-            point: In the frames of the shapes' bodies, shape (M, 3) [m].
-        """
+        """Return the distances of points (M, 3) from boxes of shapes (M,), (M,) [m]; 0 inside."""
         along = np.einsum("mij,mj->mi", self.axes[shape], point) - self.center[shape]
         beyond = np.maximum(abs(along) - self.half[shape], 0.0)
         return np.sqrt(np.einsum("mi,mi->m", beyond, beyond))

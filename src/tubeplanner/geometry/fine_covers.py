@@ -28,12 +28,7 @@ _MIN_VERTICES = 4  # of a shape with a surface of its own; balls and capsules ha
 
 
 def cover_error(solid: MeshSolid, shapes: Sequence[ConvexShape]) -> float:
-    """Return the largest distance found from a cover's surface to a solid [m].
-
-    Args:
-        solid: With triangles.
-        shapes: Its cover, in the same frame.
-    """
+    """Return the largest distance found from the surface of a cover to its solid [m]."""
     rng = np.random.default_rng(_SEED)
     hulls = [hull(s.vertices) if len(s.vertices) >= _MIN_VERTICES else None for s in shapes]
     worst = 0.0
@@ -149,12 +144,7 @@ class MeshPiece:
         return MeshPiece(triangles, low, high, self.inside)
 
     def hull_samples(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Return points on the hull's surface that are not inside the solid, shape (N, 3) [m].
-
-        Args:
-            rng: For points on cuts.
-            count: Number of points tried on cuts.
-        """
+        """Return points on the hull outside the solid (N, 3) [m]; `count` tries on cuts."""
         facets, on_cut = self._facets
         # Where it was cut, a piece is nearly always inside the solid; elsewhere, never.
         cut = surface_samples(facets[on_cut], count, rng)
@@ -256,16 +246,10 @@ class MeshPiece:
 
 
 def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> FloatArray:
-    """Return triangles cut to the side of a plane across an axis, shape (T', 3, 3).
+    """Return triangles (T, 3, 3) [m] cut to the side of a plane across an axis at a height [m].
 
     Triangles in the plane go to the side of the solid that they bound. Triangles that only touch
     the plane do not count: else they would span a hull over nothing.
-
-    Args:
-        triangles: Shape (T, 3, 3) [m].
-        axis: 0, 1 or 2.
-        height: Coordinate of the plane [m].
-        below: Whether the lower side is returned.
     """
     side = (triangles[:, :, axis] - height) * (-1.0 if below else 1.0)
     side[abs(side) < _SNAP] = 0.0

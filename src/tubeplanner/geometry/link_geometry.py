@@ -185,9 +185,7 @@ def link_shapes(robot: RobotModel) -> dict[str, list[ConvexShape]]:
 
 
 def link_contents(robot: RobotModel) -> dict[str, tuple[SolidContents, ...]]:
-    """Return the source of the collision geometry of all links that have any, by link name.
-
-    Of each <collision> an entry, placed in the frame of the link.
+    """Return the sources of all links' elements, in the links' frames, by link name.
 
     Raises:
         RobotError: As `link_shapes`.

@@ -179,12 +179,8 @@ class MeshSolid:
     ) -> bool:
         """Return True if two placed solids touch, or either contains the other for certain.
 
-        Where two shells of a mesh are wound the same way, one may bound a hollow in the other.
-
-        Args:
-            other: The other solid.
-            here: Rotation (3, 3) and position (3,) [m] of this solid.
-            there: Likewise, of the other.
+        Poses are a rotation (3, 3) and a position (3,) [m]. Where two shells of a mesh are wound
+        the same way, one may bound a hollow in the other.
         """
         request, result = fcl.CollisionRequest(), fcl.CollisionResult()
         if fcl.collide(self._placed(*here), other._placed(*there), request, result) > 0:

@@ -1,10 +1,13 @@
-"""Mesh files: size bounds, units, first covers, solids, all cached.
+"""Mesh files: size bounds, units, first covers, solids; the cache of covers in the user's folder.
 
 Readers of meshes open whatever a mesh names, materials and textures, also what never ends.
 """
 
+import hashlib
+import io
+import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -12,14 +15,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import platformdirs
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner import __version__
+from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.documents import DocumentError, read_bytes, require_regular
 from tubeplanner.errors import RobotError, shown
 from tubeplanner.geometry.convex_shapes import ConvexShape, convex_hull, hull
-from tubeplanner.geometry.cover_cache import cached, content_hash, packed, unpacked
 from tubeplanner.geometry.fine_covers import OUTER_ERROR, Cover, cover_error, fine_cover
 from tubeplanner.geometry.mesh_solids import MeshSolid
+from tubeplanner.writing import StagedFile, signals_held
 
 if TYPE_CHECKING:
     import trimesh
@@ -70,15 +75,10 @@ _MAX_LENGTH = 1e4  # [m]: no arm and no cell is larger
 def load_mesh(
     owner: str, path: Path, scale: float | Sequence[float] | None = None
 ) -> "trimesh.Trimesh":
-    """Return a mesh file's triangles.
-
-    Args:
-        owner: The mesh's owner in messages.
-        path: STL, OBJ, DAE or another format that trimesh reads.
-        scale: A factor, or a factor per axis.
+    """Return the triangles of a mesh file of any format that trimesh reads, scaled along all axes.
 
     Raises:
-        RobotError: The file is no readable mesh.
+        RobotError: The file is no readable mesh; the message begins with the owner.
     """
     import trimesh
 
@@ -205,7 +205,119 @@ def _volume(shapes: list[ConvexShape]) -> float:
     return sum(float(hull(shape.vertices).volume) for shape in shapes)
 
 
-# ---- Mesh files as solids and as covers; covers are cached, see `cover_cache`.
+# ---- Covers and hulls of earlier runs, in the user's cache folder.
+#
+# The name of an entry has a hash of all that it was computed from, so that no entry is ever stale;
+# an entry begins with a hash of its name and content, so that a damaged entry is never used. An
+# entry that cannot be read or written is computed again: the cache changes times, never answers.
+
+VARIABLE = "TUBEPLANNER_CACHE"  # a folder, or "off"
+# Part of every name: with another number, entries made by other code are not found any more.
+_FORMAT = f"{__version__}-4"
+_DIGEST_SIZE = hashlib.sha256().digest_size
+
+Arrays = dict[str, np.ndarray]
+
+
+def cache_folder() -> Path | None:
+    """Return the folder of the cache, or None without a cache."""
+    variable = os.environ.get(VARIABLE)
+    if variable == "off":
+        return None
+    if variable:
+        return Path(variable)
+    folder = platformdirs.user_cache_path("tubeplanner", appauthor=False)
+    return folder if folder.is_absolute() else None  # of a user without a home, it begins with ~
+
+
+def content_hash(parts: Iterable[bytes | str | np.ndarray]) -> str:
+    """Return a hash of some contents, arrays by their shape and bits."""
+    digest = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            content = f"{part.dtype}{part.shape}".encode() + np.ascontiguousarray(part).tobytes()
+        else:
+            content = part.encode() if isinstance(part, str) else part
+        digest.update(len(content).to_bytes(8, "little") + content)
+    return digest.hexdigest()
+
+
+def packed(shapes: Sequence[ConvexShape]) -> Arrays:
+    """Return shapes as arrays, with their faces, so that no hull is computed again."""
+    no_faces = np.zeros((0, 3), dtype=np.int64)
+    return {
+        "vertices": np.concatenate([np.zeros((0, 3)), *(shape.vertices for shape in shapes)]),
+        "counts": np.array([len(shape.vertices) for shape in shapes], dtype=np.int64),
+        "faces": np.concatenate([no_faces, *(shape.faces for shape in shapes)]),
+        "face_counts": np.array([len(shape.faces) for shape in shapes], dtype=np.int64),
+        "radius": np.array([shape.radius for shape in shapes], dtype=np.float64),
+    }
+
+
+def unpacked(arrays: Mapping[str, np.ndarray]) -> list[ConvexShape]:
+    """Return the shapes of arrays made by `packed`."""
+    parts = (
+        _parts(arrays["vertices"], arrays["counts"]),
+        _parts(arrays["faces"], arrays["face_counts"]),
+        arrays["radius"],
+    )
+    return [
+        ConvexShape(read_only(vertices), float(radius), faces)
+        for vertices, faces, radius in zip(*parts, strict=True)
+    ]
+
+
+def cached(kind: str, key: str | None, compute: Callable[[], Mapping[str, np.ndarray]]) -> Arrays:
+    """Return arrays from the cache, or compute and store the arrays.
+
+    The entry's name has the kind and the key: from `content_hash`, of all that the arrays depend
+    on. Without a key nothing is stored.
+    """
+    folder = cache_folder()
+    if folder is None or key is None:
+        return dict(compute())
+    path = folder / f"{kind}-{_FORMAT}-{key[:40]}"
+    arrays = _read(path)
+    if arrays is None:
+        arrays = dict(compute())
+        _write(path, arrays)
+    return arrays
+
+
+def _parts(rows: np.ndarray, counts: np.ndarray) -> list[np.ndarray]:
+    return np.split(rows, np.cumsum(counts)[:-1]) if len(counts) else []
+
+
+def _digest(path: Path, content: bytes) -> bytes:
+    return hashlib.sha256(path.name.encode() + content).digest()
+
+
+def _read(path: Path) -> Arrays | None:
+    try:
+        entry = path.read_bytes()
+    except OSError:
+        return None
+    digest, content = entry[:_DIGEST_SIZE], entry[_DIGEST_SIZE:]
+    if digest != _digest(path, content):
+        return None
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def _write(path: Path, arrays: Arrays) -> None:
+    """Write an entry whole or not at all."""
+    content = io.BytesIO()
+    np.savez(content, **arrays)  # type: ignore[arg-type]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with signals_held(), StagedFile(path) as file:
+            file.write(_digest(path, content.getvalue()) + content.getvalue())
+            file.put()
+    except OSError:
+        return
+
+
+# ---- Mesh files as solids and as covers.
 
 # Each shape of one link is checked against each of another: fewer than for obstacles. Both links of
 # a pair have a cover: each has half of the accepted error [m].

@@ -377,16 +377,12 @@ _DEGREE = 3  # of `averaged`
 
 
 def averaged(trajectory: JointTrajectory, intervals: int, duration: float) -> JointTrajectory:
-    """Return a C2 cubic spline on equal intervals whose control points lie on a trajectory.
+    """Return a C2 cubic spline of a duration [s] whose control points lie on a trajectory.
 
-    Schoenberg's operator (de Boor, "A Practical Guide to Splines", chapter XI): the average of a
-    monotone position is monotone. The first three control points are the start and the last three
-    the goal, so that the spline begins and ends with no velocity and no acceleration.
-
-    Args:
-        trajectory: Trajectory of any speed.
-        intervals: Number of intervals, at least 3.
-        duration: Of the spline [s].
+    On at least 3 equal intervals. Schoenberg's operator (de Boor, "A Practical Guide to Splines",
+    chapter XI): the average of a monotone position is monotone. The first three control points are
+    the start and the last three the goal, so that the spline begins and ends with no velocity and
+    no acceleration.
     """
     knots = np.linspace(0.0, 1.0, intervals + 1)
     knots = np.concatenate([np.zeros(_DEGREE), knots, np.ones(_DEGREE)])

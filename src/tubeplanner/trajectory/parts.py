@@ -47,10 +47,7 @@ class Mark:
 
 
 def marks_of(fields: Any) -> tuple[Mark, ...]:
-    """Return the marks of a trajectory file.
-
-    Args:
-        fields: Value of `marks` in the file.
+    """Return the marks of a trajectory file from the value of its field `marks`.
 
     Raises:
         TrajectoryError: The value is no list of maps with a time and one of move, event, attach,
@@ -149,13 +146,10 @@ class SignChanges(NamedTuple):
 
 
 def sign_changes(coefficients: FloatArray, widths: FloatArray) -> SignChanges:
-    """Return the sign changes of n piecewise polynomials inside their pieces.
+    """Return the sign changes of n piecewise polynomials inside their pieces of some widths [s].
 
-    A polynomial that only touches 0 may be missing.
-
-    Args:
-        coefficients: Shape (degree+1, pieces, n), highest power first.
-        widths: Widths of the pieces [s], shape (pieces,).
+    Coefficients are (degree+1, pieces, n), highest power first. A polynomial that only touches 0
+    may be missing.
     """
     hull = bernstein_coefficients(coefficients, np.zeros(len(widths)), widths)
     both = (hull.min(axis=0) < 0) & (hull.max(axis=0) > 0)

@@ -73,16 +73,11 @@ class Extrema:
 def bernstein_coefficients(
     coefficients: FloatArray, start: FloatArray, width: FloatArray
 ) -> FloatArray:
-    """Return the Bernstein coefficients of polynomials restricted to intervals.
+    """Return the Bernstein coefficients of polynomials (degree+1, P, n) restricted to intervals.
 
-    Args:
-        coefficients: Shape (degree+1, P, n), highest power first.
-        start: Start of each interval in local time [s], shape (P,).
-        width: Width of each interval [s], shape (P,).
-
-    Returns:
-        Shape (degree+1, P, n); the first and the last are the values at the interval's ends.
-        (Farouki, "The Bernstein polynomial basis: a centennial retrospective", 2012, section 3.2.)
+    Intervals have starts in local time and widths (P,) [s]. The first and the last coefficient are
+    the values at the interval's ends. (Farouki, "The Bernstein polynomial basis: a centennial
+    retrospective", 2012, section 3.2.)
     """
     binomials = _binomials(len(coefficients) - 1)
     # From powers of u on [0, 1] to Bernstein coefficients: lower triangular, as C(i, j) is.
@@ -91,15 +86,9 @@ def bernstein_coefficients(
 
 
 def restricted(coefficients: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
-    """Return polynomials restricted to intervals, with a time from 0 to 1 over each interval.
+    """Return polynomials (degree+1, P, n) restricted to intervals, with a time from 0 to 1 in each.
 
-    Args:
-        coefficients: Shape (degree+1, P, n), highest power first.
-        start: Start of each interval in local time [s], shape (P,).
-        width: Width of each interval [s], shape (P,).
-
-    Returns:
-        Shape (degree+1, P, n), highest power first.
+    Intervals have starts in local time and widths (P,) [s].
     """
     return _taylor_coefficients(coefficients, start, width)[::-1]
 
@@ -115,9 +104,7 @@ def halves(start: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray
 def maxima(coefficients: FloatArray, widths: FloatArray) -> Extrema:
     """Return the largest value of each of n piecewise polynomials, by Bernstein subdivision.
 
-    Args:
-        coefficients: Shape (degree+1, pieces, n).
-        widths: Widths of the pieces [s], shape (pieces,).
+    Pieces of coefficients (degree+1, pieces, n) have widths (pieces,) [s].
 
     Raises:
         ValueError: A coefficient is not finite.
@@ -315,20 +302,15 @@ def times_between(breakpoints: FloatArray, count: int) -> FloatArray:
 
 
 def hermite_pieces(time: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
-    """Return the coefficients of the line, cubic or quintic between every two samples.
+    """Return the coefficients of the line, cubic or quintic between every two of N samples.
 
     Hermite interpolation (Biagiotti & Melchiorri, "Trajectory Planning for Automatic Machines and
-    Robots", 2008, sections 2.1.1, 2.1.3 and 2.1.5). The lower half of the coefficients follow
-    from the first sample, the upper half from the gaps between these and the next sample. Gaps are
-    small numbers: pieces a millisecond long meet to rounding, where differences of Bernstein
-    coefficients would leave jumps of the acceleration of 1e-7 rad/s^2.
-
-    Args:
-        time: Of the samples, shape (N,), increasing [s].
-        known: Positions and, if given, velocities and accelerations of the samples, each (N, n).
-
-    Returns:
-        Shape (2 * len(known), N-1, n), highest power of the time in the piece first.
+    Robots", 2008, sections 2.1.1, 2.1.3 and 2.1.5) of K quantities (N, n): positions and, if given,
+    velocities and accelerations at times (N,) [s]. The result is (2 K, N-1, n), highest power of
+    the time in the piece first. The lower half of the coefficients follow from the first sample,
+    the upper half from the gaps between these and the next sample. Gaps are small numbers: pieces a
+    millisecond long meet to rounding, where differences of Bernstein coefficients would leave jumps
+    of the acceleration of 1e-7 rad/s^2.
     """
     h = np.diff(time)[:, None]
     first, last = [k[:-1] for k in known], [k[1:] for k in known]

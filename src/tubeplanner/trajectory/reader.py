@@ -530,12 +530,10 @@ class JointColumns:
 def joint_columns(header: Sequence[str], joint_names: Sequence[str] = ()) -> JointColumns:
     """Return the columns of a file that are read.
 
-    Args:
-        header: The names of all columns.
-        joint_names: Joints whose columns may have other names than JOINT.position: the joint's name
-            (a position), or JOINT/position, JOINT_position, position_JOINT or position/JOINT, after
-            any path such as /joint_states/; or actual_q_0, actual_q_1, ..., one for each joint in
-            this order. Others are found by a column `JOINT.position`.
+    Columns of `joint_names` may have other names than JOINT.position: the joint's name (a
+    position), or JOINT/position, JOINT_position, position_JOINT or position/JOINT, after any path
+    such as /joint_states/; or actual_q_0, actual_q_1, ..., one for each joint in this order. Others
+    are found by a column `JOINT.position`.
 
     Raises:
         TrajectoryError: There is no time, there are no positions, two columns are the same

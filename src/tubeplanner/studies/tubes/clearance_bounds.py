@@ -84,14 +84,10 @@ class PairClearance:
         return LeastClearance(bound[np.arange(len(q)), pair], pair)
 
     def of_pairs(self, q: FloatArray, pair: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return the clearances of pairs, each in its configuration, and their derivatives.
+        """Return the clearances of pairs, each in its own configuration, and their derivatives.
 
-        Args:
-            q: Configurations, shape (N, n).
-            pair: Index of each pair, shape (N,).
-
-        Returns:
-            Clearances (N,) [m] and their derivatives by the joints (N, n) [m/rad or 1].
+        Configurations (N, n) and indices of pairs (N,) give clearances (N,) [m] and their
+        derivatives by the joints (N, n) [m/rad or 1].
         """
         rotation, position = self._robot.body_poses(q)
         pairs = self.pairs[pair]
@@ -230,15 +226,9 @@ class CounterexampleSearch:
 def search_counterexamples(
     allowed: ConfigurationSet, clearance: PairClearance, samples: int, rng: np.random.Generator
 ) -> CounterexampleSearch:
-    """Search a set for configurations in which links are too close.
+    """Search a set for configurations in which links are too close, among at most `samples` draws.
 
     Draws more samples at a time until there are enough collisions or the budget is spent.
-
-    Args:
-        allowed: The set.
-        clearance: Of the pairs of links.
-        samples: Number of configurations to draw.
-        rng: Random numbers.
     """
     hits: list[tuple[FloatArray, IntArray]] = []
     least, tested, drawn, count = np.inf, 0, 0, _MIN_SAMPLES

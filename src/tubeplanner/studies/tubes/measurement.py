@@ -91,15 +91,10 @@ def measured_tube(
     guide: FloatArray | None = None,
     cache: KeptSegments | None = None,
 ) -> TubeMeasurement:
-    """Measure as `measure_tube` does, under a clock.
+    """Measure as `measure_tube` does, under a clock that may end the work.
 
-    Args:
-        problem: The planning problem.
-        options: How to measure.
-        clock: Announces progress and may end the work.
-        guide: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
-            trajectories are planned.
-        cache: Results of segments measured before; new results are added.
+    The needs of a `guide` decide, configurations (N, n) of a fast trajectory; without a guide such
+    trajectories are planned. Results of segments measured before are taken from the cache.
 
     Raises:
         OptionError: As for `measure_tube`.

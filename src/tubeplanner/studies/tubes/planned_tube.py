@@ -66,15 +66,9 @@ def measured_plan(
 ) -> PlannedTube:
     """Measure the tube around corners of a route, and plan the trajectory.
 
-    Args:
-        problem: The planning problem; its tube does not count.
-        space: The free configurations.
-        corners: Reference points, and configurations between.
-        band: Width by which joints may leave the corners' ranges, before measuring [rad or m].
-        options: How to measure.
-        clock: Announces progress and may end the work.
-        guide: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
-            trajectories are planned.
+    Joints may leave the corners' ranges by a band [rad or m], before measuring. The needs of a
+    `guide` decide, configurations (N, n) of a fast trajectory; without a guide such trajectories
+    are planned. The problem's own tube does not count.
 
     Raises:
         Infeasible: The tube is too narrow, or there is no certified trajectory in it.
@@ -116,14 +110,9 @@ def in_tube(
 ) -> PlanningProblem:
     """Return a problem in the tube around corners of a route, not measured yet.
 
-    The tool radius stays, and so do speed limit and rotation tolerance, about the route's
+    The radius [m] is that of all segments; joints may leave the corners' ranges by a band [rad or
+    m]. The tool radius stays, and so do speed limit and rotation tolerance, about the route's
     orientations at the corners, if they are the same in all segments.
-
-    Args:
-        problem: The planning problem; nothing else of its tube counts.
-        corners: Reference points, and configurations between.
-        band: Width by which joints may leave the corners' ranges [rad or m].
-        radius: Of all segments [m].
     """
     segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]
     tube = reference_tube(problem.robot, corners.points, segments, band, radius)
@@ -228,12 +217,7 @@ class TubeAnswer:
 
 
 def answer_of(outcome: PlannedTube | Infeasible, **more: Any) -> TubeAnswer:
-    """Return the answer of a search.
-
-    Args:
-        outcome: The planned tube, or the reason of the failure.
-        more: Other fields of the answer.
-    """
+    """Return the answer of a search: of a planned tube or the reason of the failure."""
     if isinstance(outcome, Infeasible):
         return TubeAnswer(outcome.status, str(outcome), outcome.location, **more)
     tube = outcome.problem.tube

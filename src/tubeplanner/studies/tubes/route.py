@@ -256,8 +256,7 @@ class _RouteFinder:
     def _measured(self, routes: list[tuple[RouteCandidate, FloatArray | None]]) -> PlannedTube:
         """Return the measured tube of the first route that has the space and a trajectory.
 
-        Args:
-            routes: Routes, each with its fast trajectory (N, n), whose needs decide, or None.
+        With each route comes its fast trajectory (N, n), whose needs decide, or None.
 
         Raises:
             Infeasible: There is none; the reason is that of the first route.
@@ -299,16 +298,10 @@ def route_candidates(
     options: RouteOptions,
     clock: PlanningClock,
 ) -> list[RouteCandidate]:
-    """Return routes by their joint times, the least first.
+    """Return routes from a start (n,) to any of free goals (G, n), the least joint time first.
 
-    A trajectory that optimisation alone finds counts as a route too.
-
-    Args:
-        problem: The problem, of which the arm and the obstacles count.
-        start: Shape (n,).
-        goals: Free configurations, any of which ends a route, shape (G, n).
-        options: How to find routes.
-        clock: Announces progress and may end the work.
+    Arm and obstacles of the problem count. A trajectory that optimisation alone finds counts as a
+    route too.
 
     Raises:
         Infeasible: Status no_trajectory: no route was found.
@@ -370,12 +363,9 @@ _AROUND = np.pi  # [rad or m] about the start: where configurations are drawn
 
 
 def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
-    """Return free configurations (G, n) for the goal, nearest to the start first.
+    """Return free configurations (G, n) for the goal, nearest to the start (n,) first.
 
-    Args:
-        problem: Its goal, or where that is open the tool position there.
-        start: Shape (n,).
-        seed: Of random numbers, where the goal is a tool position.
+    Of the goal configuration, or where that is open of the tool position there, from random seeds.
 
     Raises:
         Infeasible: No configuration is free (status tube_blocked), or the tool does not reach the

@@ -113,12 +113,7 @@ class RouteSearch:
     """
 
     def __init__(self, space: FreeSpace, start: FloatArray, goals: FloatArray) -> None:
-        """Prepare a search.
-
-        Args:
-            space: The free configurations.
-            start: Shape (n,) [rad or m].
-            goals: Configurations, any of which ends the search, shape (G, n).
+        """Prepare a search from a start (n,) to any of some goals (G, n).
 
         Raises:
             OptionError: OMPL is not installed.
@@ -142,10 +137,8 @@ class RouteSearch:
     ) -> FloatArray | None:
         """Return the corners (P, n) of a free route, shortened; None if none was found.
 
-        Args:
-            seed: Of OMPL's random numbers, > 0; they are one stream for the whole process.
-            budget: Largest number of configurations to test before there is a route.
-            is_over: True if the time for the search is over.
+        OMPL's random numbers have a seed > 0; they are one stream for the whole process. Before
+        there is a route at most `budget` configurations are tested.
         """
         from ompl import base, geometric, util
 
@@ -227,15 +220,10 @@ class ToolCorners:
 def tool_corners(
     space: FreeSpace, route: FloatArray, deviation: float = np.inf
 ) -> ToolCorners | None:
-    """Return few corners of the tool's path along a route, with free straight lines between.
+    """Return few corners of the tool's path along a route (P, n), with free straight lines between.
 
-    Args:
-        space: The free configurations.
-        route: Corners of a route in joint space, shape (P, n).
-        deviation: Largest distance of the lines from the tool's path along the route [m].
-
-    Returns:
-        None if even the route itself is not free where the tool follows straight lines.
+    Lines are at most `deviation` [m] from the tool's path along the route. None if not even the
+    route itself is free where the tool follows straight lines.
     """
     return _Corners(space, densified(route, _ROUTE_STEP), deviation).result()
 
@@ -329,17 +317,11 @@ def reference_tube(
     band: float,
     radius: float,
 ) -> Tube:
-    """Return the tube whose joint ranges hold the arm's path in each segment, plus a band.
+    """Return the tube whose joint ranges hold the configurations (P_k, n) of segments, plus a band.
 
     A joint that has one sign in all segments keeps it: signs distinguish the arm's configurations
-    (Suh & Bishop 1988, section on the tube model).
-
-    Args:
-        robot: The arm.
-        points: Reference points, shape (m+1, 3) [m].
-        segments: Configurations of each segment, shape (P_k, n) [rad or m].
-        band: Added to both sides of every range [rad or m].
-        radius: Path tolerance of all segments [m].
+    (Suh & Bishop 1988, section on the tube model). The band [rad or m] is added to both sides of
+    every range; points are (m+1, 3) [m], the radius [m] is that of all segments.
     """
     limits = robot.limits
     every = np.vstack(segments)

@@ -209,14 +209,10 @@ class BranchNeighbourhood:
         extra: float = EXTRA_CLEARANCES[0],
         checkpoint: Callable[[], None] = lambda: None,
     ) -> None:
-        """Test the branch.
+        """Test a branch along the centre line; the problem's radii are the largest wanted.
 
-        Args:
-            problem: The planning problem; its radii are the largest wanted.
-            branch: Along the centre line.
-            options: How to measure.
-            extra: Extra distance beyond the clearance, unless the branch has less [m].
-            checkpoint: Called many times; it may raise to end the work.
+        Sets keep an extra distance beyond the clearance, unless the branch has less [m]. A
+        checkpoint, called many times, may raise to end the work.
 
         Raises:
             Infeasible: Status tube_blocked: the branch itself collides.
@@ -256,11 +252,8 @@ class BranchNeighbourhood:
     def first_search(self, k: int, part: FloatArray | None = None) -> SegmentSearch:
         """Return the result of a rough search for a segment.
 
-        Signs are tried before ranges, and wider surroundings before narrow ones.
-
-        Args:
-            k: Index of the segment.
-            part: Configurations (N, n) whose needs decide; None: not known.
+        Signs are tried before ranges, and wider surroundings before narrow ones. The needs of
+        configurations (N, n) decide, if known.
         """
         problem, branch = self._problem, self._branch[k]
         whole = (problem.joint_lower[k], problem.joint_upper[k])
@@ -310,12 +303,8 @@ class BranchNeighbourhood:
     ) -> list[FloatArray | None]:
         """Return the extents by which a fast trajectory leaves the branch, by segment.
 
-        None for all segments if no trajectory is found.
-
-        Args:
-            sets: Sets, which the trajectory may leave.
-            beyond_radius: Width by which the tool may leave them [m].
-            beyond_range: Width by which joints may leave them [rad or m].
+        The tool may leave the sets by a width [m], joints by another [rad or m]. None for all
+        segments if no trajectory is found.
         """
         result = self._planned(sets, beyond_radius, beyond_range)
         q = samples_of(result)

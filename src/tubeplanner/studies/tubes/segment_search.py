@@ -82,12 +82,10 @@ class BoxSearch:
         self._draws, self._spread = _FIRST_DRAWS, _FIRST_SPREAD
 
     def best(self, beyond: FloatArray, within: Box) -> Box:
-        """Return the best box found that leaves out points.
+        """Return the best box found within another that leaves out points.
 
-        Args:
-            beyond: Distances of points beyond the core in each direction, shape (B, c); at least
-                one entry of each row is positive.
-            within: A box that holds the result; where extents are equal, so are blockers.
+        Of distances (B, c) of points beyond the core in each direction, at least one of each row is
+        positive.
         """
         inside = np.flatnonzero((beyond <= within.extent).all(axis=1))
         best = self._grown(beyond, inside, within, self._speed)
@@ -201,15 +199,10 @@ class CollisionBoxes:
         outer: JointBounds,
         clearance: PairClearance,
     ) -> None:
-        """Begin with no collision known.
+        """Begin with no collision known, around a branch (P, n) of a segment.
 
-        Args:
-            problem: The planning problem; its radius is the largest that the set may have.
-            segment: Index of the segment.
-            branch: Configurations along it, shape (P, n).
-            core: Joint bounds that the set must hold.
-            outer: Joint bounds that the set must stay in.
-            clearance: Of the pairs of links.
+        Sets must hold the core's joint bounds, stay in the outer ones, and have at most the radius
+        of the problem.
         """
         self._problem, self._segment, self._branch = problem, segment, branch
         self._pair_clearance = clearance
@@ -267,14 +260,9 @@ class CollisionBoxes:
     ) -> SegmentSearch:
         """Return the largest set found around the branch.
 
-        Args:
-            clearance: Of the pairs of links that searches find; the boxes' own tells where known
-                collisions begin.
-            samples: Number of configurations of the counterexample search that must find nothing.
-            rng: Random numbers.
-            preferences: Trade of radius and ranges.
-            within: A box that the set must lie in; None: any.
-            checkpoint: Called before every counterexample search; it may raise to end the work.
+        A set counts when a counterexample search with `samples` draws finds nothing. Searches find
+        pairs by a clearance; the boxes' own tells where known collisions begin. A checkpoint,
+        called before every search, may raise to end the work.
 
         Raises:
             Infeasible: Status tube_blocked: a collision leaves no set, or searches do not end.

@@ -187,13 +187,7 @@ _DIGITS_ON_A_SURFACE = 9  # where nothing reaches a point beside it
 
 
 def starter_routes(robot: RobotModel, q: FloatArray, reach: float) -> Iterator[FloatArray]:
-    """Yield reference points, shape (m+1, 3) [m], the longer routes first.
-
-    Args:
-        robot: The arm.
-        q: The configuration where they begin, shape (n,).
-        reach: Largest distance of the tool from the first joint [m].
-    """
+    """Yield reference points (m+1, 3) [m] from a configuration (n,), the longer routes first."""
     tool, jacobian = robot.tool_jacobian(q)
     directions, gains, _ = np.linalg.svd(jacobian[:3])
     free = directions[:, : int((gains > _MIN_GAIN * gains[0]).sum())]
@@ -249,13 +243,7 @@ _NO_GAIN = 1e-6
 
 
 def shown_configuration(arm: RobotModel, problem: PlanningProblem | None) -> FloatArray:
-    """Return a configuration (n,) in which to show an arm.
-
-    Args:
-        arm: The arm.
-        problem: Its start is returned, if the seed or pose there leads to a configuration; None or
-            else: the best typical configuration.
-    """
+    """Return a configuration (n,) in which to show an arm: the problem's start, if it has one."""
     if problem is not None:
         try:
             return end_configuration(problem, problem.endpoints[0], 0)

@@ -252,15 +252,10 @@ def moving_part(q: FloatArray) -> FloatArray:
 def without_ways_back(
     robot: RobotModel, q: FloatArray, deviation: float
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Return a trail without detours out and back the same way, and their turning points (3,) [m].
+    """Return a trail (N, n) without detours out and back, and their turning points (3,) [m].
 
     A tube cannot enforce such a detour: its capsules overlap all along, and the tool may pass from
-    one to the other anywhere.
-
-    Args:
-        robot: The arm.
-        q: The trail, shape (N, n).
-        deviation: Positions of the tool no farther apart than twice this count as the same [m].
+    one to the other anywhere. Tools no farther apart than twice the deviation [m] are at one place.
 
     Raises:
         TrajectoryError: The whole trail goes out and back, or its tool does not move.
