@@ -9,7 +9,8 @@ from numpy.testing import assert_array_equal as same
 from scipy.interpolate import PPoly
 
 from tubeplanner import JointTrajectory, Mark, TrajectoryError
-from tubeplanner.trajectory.parts import joined, marks_of, part_of, resting
+from tubeplanner.trajectory.joint_trajectory import concatenate
+from tubeplanner.trajectory.parts import marks_of, part_of, resting
 
 MARKS = [
     {"time": 0.0, "move": "to_pick"},
@@ -94,7 +95,7 @@ def test_what_lies_outside_is_no_part(span):
 def test_parts_of_other_degrees_are_joined_one_after_the_other():
     first, second = trajectory(3, 1), trajectory(5, 2)
     rest = resting(NAMES, np.array([0.2, -0.7]), 0.25)
-    whole = joined(NAMES, [first, rest, second])
+    whole = concatenate([first, rest, second])
     assert whole.duration == pytest.approx(1.3 + 0.25 + 1.3)
     time = np.linspace(0, 1.3, 60)[:-1]
     close(whole.position(time), scipys(first)(time), atol=1e-12)
@@ -102,4 +103,4 @@ def test_parts_of_other_degrees_are_joined_one_after_the_other():
     same(whole.position([1.3, 1.4, 1.5]), [[0.2, -0.7]] * 3)
     same(whole.velocity([1.3, 1.4]), np.zeros((2, 2)))
     # What is cut at breakpoints keeps its numbers.
-    same(part_of(joined(NAMES, [second, first]), 0.0, 1.3).coefficients, second.coefficients)
+    same(part_of(concatenate([second, first]), 0.0, 1.3).coefficients, second.coefficients)

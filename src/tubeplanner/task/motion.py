@@ -16,8 +16,8 @@ from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.legs import Leg, Stop
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
-from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory
-from tubeplanner.trajectory.parts import ATTACH, DETACH, EVENT, MOVE, Mark, joined, part_of, resting
+from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory, concatenate
+from tubeplanner.trajectory.parts import ATTACH, DETACH, EVENT, MOVE, Mark, part_of, resting
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 
 _KINDS = {Move: MOVE, Event: EVENT, Attach: ATTACH, Detach: DETACH}
@@ -238,8 +238,7 @@ def cycle_motion(cycle: Cycle, legs: Sequence[LegMotion]) -> CycleMotion:
         builder.run(leg.moves, motion)
     last = legs[-1].trajectory
     builder.stop(cycle.after.steps, last.position(last.duration))
-    names = cycle.robot.joint_names
-    return CycleMotion(cycle, joined(names, builder.parts), tuple(builder.marks))
+    return CycleMotion(cycle, concatenate(builder.parts), tuple(builder.marks))
 
 
 class _Builder:

@@ -1,6 +1,6 @@
 """JointTrajectory: evaluation, sampling, concatenation, saving; moving averages."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import factorial
 from pathlib import Path
@@ -210,21 +210,22 @@ class JointTrajectory:
         At a breakpoint each of the two pieces has a sample of its own; the two differ where a
         derivative jumps.
         """
-        local = np.linspace(0.0, 1.0, count)[:, None] * self.widths
-        values = []
-        for order in range(3):
-            value = np.zeros((count, len(self.widths), len(self.joint_names)))
-            for row in self.derivative_coefficients(order):
-                value = value * local[:, :, None] + row
-            values.append(value.transpose(1, 0, 2).reshape(-1, len(self.joint_names)))
-        time = (self.breakpoints[:-1] + local).T.ravel()
-        return TrajectorySamples(time, *values)
+        local, values = self._per_piece(count, range(3))
+        return TrajectorySamples((self.breakpoints[:-1, None] + local).ravel(), *values)
 
     def jerk_per_piece(self, count: int) -> FloatArray:
         """Return the jerk at the samples of `per_piece`, shape (N, n) [rad/s^3 or m/s^3]."""
-        pieces = len(self.widths)
-        local = np.linspace(0.0, 1.0, count) * self.widths[:, None]
-        return self.within(np.repeat(np.arange(pieces), count), local.ravel(), 3)
+        return self._per_piece(count, [3])[1][0]
+
+    def _per_piece(self, count: int, orders: Iterable[int]) -> tuple[FloatArray, list[FloatArray]]:
+        """Return times of samples since the starts of their pieces, and derivatives (N, n)."""
+        local, values = np.linspace(0.0, 1.0, count) * self.widths[:, None], []
+        for order in orders:
+            value = np.zeros((*local.shape, len(self.joint_names)))
+            for row in self.derivative_coefficients(order):
+                value = value * local[:, :, None] + row[:, None]
+            values.append(value.reshape(-1, len(self.joint_names)))
+        return local, values
 
     def within(self, piece: IntArray, local: FloatArray, order: int) -> FloatArray:
         """Return a derivative of an order from 0 to 3 on given pieces, shape (N, n).
@@ -343,14 +344,19 @@ class JointTrajectory:
 
 
 def concatenate(parts: Sequence[JointTrajectory]) -> JointTrajectory:
-    """Return the concatenation of trajectories of the same joints and degree."""
-    starts = np.cumsum([0.0, *(part.duration for part in parts)])
-    breakpoints = [np.zeros(1)]
-    breakpoints += [
-        part.breakpoints[1:] + start for part, start in zip(parts, starts, strict=False)
-    ]
-    coefficients = np.concatenate([part.coefficients for part in parts], axis=1)
-    return JointTrajectory(parts[0].joint_names, np.concatenate(breakpoints), coefficients)
+    """Return the trajectory of parts in their order, all of the same joints in the same order.
+
+    Each part begins at the time at which its predecessor ends; positions need not meet.
+    """
+    rows = max(len(part.coefficients) for part in parts)
+    pieces, times = [], [np.zeros(1)]
+    for part in parts:
+        padded = np.zeros((rows, *part.coefficients.shape[1:]))
+        padded[rows - len(part.coefficients) :] = part.coefficients
+        pieces.append(padded)
+        times.append(times[-1][-1] + part.breakpoints[1:])
+    names, coefficients = parts[0].joint_names, np.concatenate(pieces, axis=1)
+    return JointTrajectory(names, np.concatenate(times), coefficients)
 
 
 def from_spline(joint_names: Sequence[str], spline: BSpline) -> JointTrajectory:

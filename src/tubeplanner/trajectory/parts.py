@@ -1,4 +1,4 @@
-"""Parts of a trajectory, cut and joined; marks of events; intervals without reversal of a joint."""
+"""Parts of a trajectory; marks of events; intervals without reversal of a joint."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -73,7 +73,7 @@ def marks_of(fields: Any) -> tuple[Mark, ...]:
     return tuple(marks)
 
 
-# ---- Parts of trajectories, cut and joined.
+# ---- Parts of trajectories, moving and at rest.
 
 
 def part_of(trajectory: JointTrajectory, begin: float, end: float) -> JointTrajectory:
@@ -102,21 +102,6 @@ def part_of(trajectory: JointTrajectory, begin: float, end: float) -> JointTraje
     return JointTrajectory(
         trajectory.joint_names, np.concatenate([[0.0], inner - begin, [end - begin]]), pieces
     )
-
-
-def joined(joint_names: Sequence[str], parts: Sequence[JointTrajectory]) -> JointTrajectory:
-    """Return the trajectory of parts in their order, all of the same joints in the same order.
-
-    Each part begins at the time at which its predecessor ends; positions need not meet.
-    """
-    degree = max(len(part.coefficients) for part in parts)
-    pieces, times = [], [np.zeros(1)]
-    for part in parts:
-        padded = np.zeros((degree, *part.coefficients.shape[1:]))
-        padded[degree - len(part.coefficients) :] = part.coefficients
-        pieces.append(padded)
-        times.append(times[-1][-1] + part.breakpoints[1:])
-    return JointTrajectory(joint_names, np.concatenate(times), np.concatenate(pieces, axis=1))
 
 
 def resting(joint_names: Sequence[str], q: FloatArray, duration: float) -> JointTrajectory:

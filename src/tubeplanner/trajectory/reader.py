@@ -483,13 +483,7 @@ def _from_samples(
 def joined_samples(
     joint_names: Sequence[str], time: FloatArray, values: Sequence[FloatArray]
 ) -> JointTrajectory:
-    """Return the trajectory with a polynomial between every two samples, as `hermite_pieces`.
-
-    Args:
-        joint_names: Names of the n joints.
-        time: Shape (N,), increasing from 0 [s].
-        values: Positions and their derivatives at the samples, each (N, n).
-    """
+    """Return samples joined by `hermite_pieces`, of positions and their derivatives (N, n) each."""
     return JointTrajectory(joint_names, time, hermite_pieces(time, values))
 
 

@@ -33,13 +33,10 @@ class FreeSpace:
     """
 
     def __init__(self, problem: PlanningProblem, margin: float, ends: FloatArray) -> None:
-        """Take the pairs of a problem.
+        """Take the pairs of a problem, without its tube, and a margin beyond the clearance [m].
 
-        Args:
-            problem: Its arm, obstacles and clearance count; its tube does not.
-            margin: Required distance beyond the clearance [m].
-            ends: Configurations (E, n), at least one, from start to goal: pairs of shapes that are
-                nearer there need not be farther apart elsewhere.
+        Pairs of shapes that are nearer at the ends (E, n), at least one, from start to goal, need
+        not be farther apart elsewhere.
         """
         checker = problem.collision
         self.robot, self._checker, self._pairs = problem.robot, checker, checker.pairs
