@@ -262,35 +262,38 @@ def tightest_slower_run(robot: RobotModel, trajectory: JointTrajectory) -> Slowe
 
 def _tightest(robot: RobotModel, steps: PathSteps) -> SlowerRun | None:
     sides = effort_sides(robot, steps)
-    rates = _rate_polynomials(robot, steps)
-    none = np.zeros_like(sides.static)
-    smooth = np.stack([sides.static, sides.linear, sides.square, none])
-    limited = np.flatnonzero(np.isfinite(robot.limits.effort_rate))
-    names = sides.condition + ("effort_rate",) * rates.shape[2]
-    joint = np.concatenate([sides.joint, limited, limited])
+    smooth = np.stack([sides.static, sides.linear, sides.square, np.zeros_like(sides.static)])
+    parts, names, joint = [smooth], sides.condition, sides.joint
+    for name, terms_of in _TERMS.items():
+        limit = getattr(robot.limits, name)
+        limited = np.flatnonzero(np.isfinite(limit))
+        if len(limited):
+            terms = terms_of(robot, steps)[:, :, limited]
+            parts += [sign * terms / limit[limited] for sign in _SIGNS]
+            names += (name,) * 2 * len(limited)
+            joint = np.concatenate([joint, limited, limited])
     if not names:
         return None
-    used, speed = highest_up_to_one(np.concatenate([smooth, rates], axis=2))
+    used, speed = highest_up_to_one(np.concatenate(parts, axis=2))
     end, row = np.unravel_index(int(used.argmax()), used.shape)
     time = (steps.start + np.array([[0.0], [1.0]]) * steps.width).ravel()[end]
     where = Location(time=float(time), joint=robot.joint_names[joint[row]])
     return SlowerRun(names[row], 1 - float(used[end, row]), float(speed[end, row]), where)
 
 
-def _rate_polynomials(robot: RobotModel, steps: PathSteps) -> FloatArray:
-    """Return the used fractions of limits on effort rates, by power of the speed: (4, N, R).
+def _effort_rate_terms(robot: RobotModel, steps: PathSteps) -> FloatArray:
+    """Return the rates of the efforts by power of the speed, (4, N, n) [N m/s or N/s].
 
     With nominal viscous friction, as in the certificate.
     """
-    limit = robot.limits.effort_rate
-    joints = np.flatnonzero(np.isfinite(limit))
-    if len(joints) == 0:
-        return np.zeros((4, 2 * len(steps.piece), 0))
     q, v, a, jerk = (steps.at_ends(order) for order in range(4))
     gravity, friction = gravity_effort_rate(robot, q, v), robot.motors.viscous_friction * a
     inertia = effort_rate(robot, q, v, a, jerk) - gravity - friction
-    by_sign = [sign * np.stack([0 * gravity, gravity, friction, inertia]) for sign in (1.0, -1.0)]
-    return np.concatenate([sign[:, :, joints] / limit[joints] for sign in by_sign], axis=2)
+    return np.stack([0 * gravity, gravity, friction, inertia])
+
+
+# Quantities of joints that are cubics in the speed, by the name of their limits.
+_TERMS = {"effort_rate": _effort_rate_terms}
 
 
 def highest_up_to_one(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
