@@ -136,7 +136,7 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
         angle = np.linalg.norm(error, axis=1, keepdims=True)
         rotation_use = (np.hstack([abs(error), angle]) / tube.rotation.bounds[segment]).max(axis=1)
     jerk = trajectory.jerk_per_piece(count)
-    path = PathSamples(problem, np.stack([q, v, a, jerk]))
+    path = PathSamples(problem, np.stack([q, v, a, jerk]), lambda: segment)
     return TrajectoryCurves(
         problem,
         samples,
