@@ -38,7 +38,7 @@ MOVE = "name, tube, goal, limits, clearance, contacts, objective, collision, pas
 KIND = r"it must be a map with name \(of a move\), event, attach or detach"
 TOP = (
     "format, version, include, robot, start, obstacles, clearance, collision, objective, "
-    "period, closed, moves"
+    "period, robustness, closed, moves"
 )
 TO_PICK, CLOSE, TAKE, TO_PLACE, OPEN, LET_GO, BACK = range(7)
 
@@ -148,7 +148,7 @@ def test_every_field_has_a_description_and_durations_their_unit():
         (with_step("go"), rf"moves\[1\] is 'go'; {KIND}"),
         (with_step({"payload": 1}), rf"moves\[1\] is \{{'payload': 1\}}; {KIND}"),
         (with_(None, moves={"a": 1}), r"moves is \{'a': 1\}; it must be a list"),
-        (with_(None, robustness={}), f"top level: unknown key 'robustness' .*: {TOP}$"),
+        (with_(None, goal={}), f"top level: unknown key 'goal' .*: {TOP}$"),
         (with_(None, tube={"radius": 1}), "top level: unknown key 'tube'"),
         (with_(None, closed="y"), "closed is 'y'; it must be true or false"),
         (with_(None, format="tubeplanner/problem"), "format is 'tubeplanner/problem'; it must be"),
