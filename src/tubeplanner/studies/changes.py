@@ -23,6 +23,33 @@ FIGURES = 3  # of a size, so that the certified size is the printed one
 _SHOWN = 2 * FIGURES  # of a value that a size is added to
 
 _MILLI = {"m": "mm", "s": "ms"}
+_MAX_GROWTH, _MAX_LOSS = 10.0, 0.99  # of a number, relative
+
+
+def rounded(size: float) -> float:
+    """Return a number rounded to the figures of texts."""
+    return float(f"{size:.{FIGURES}g}")
+
+
+def exact(value: float) -> float:
+    """Return a number without the rounding error of a sum of rounded numbers."""
+    return float(f"{value:.10g}")
+
+
+def figures(value: float, unit: str = "") -> str:
+    """Return a number in the figures of texts, with its unit; metres as millimetres."""
+    if unit in _MILLI and abs(value) < 1:
+        value, unit = 1000 * value, _MILLI[unit]
+    return f"{value:.{_SHOWN}g} {unit}".rstrip()
+
+
+def from_to(before: float, after: float, unit: str) -> str:
+    """Return "30 -> 42 mm"."""
+    both = (before, after)
+    if unit in _MILLI and max(map(abs, both)) < 1:
+        both, unit = (1000 * before, 1000 * after), _MILLI[unit]
+    first, then = (f"{value:.{_SHOWN}g}" for value in both)
+    return f"{first} -> {then} {unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -94,34 +121,43 @@ class Change:
         """Return a change of size 1 alone: the proposal."""
         return cls(kind, field, before, "", 1.0, 1.0, lambda size: proposal, about, is_switch=True)
 
+    @classmethod
+    def of_number(
+        cls,
+        kind: str,
+        field: str,
+        before: float,
+        unit: str,
+        sign: int,
+        name: str,
+        *,
+        changes: Callable[[float], Mapping[str, Any]] | None = None,
+        after: Callable[[float], float] = exact,
+        says_more: bool = False,
+        **others: Any,
+    ) -> "Change":
+        """Return a change of one number, up (sign 1) or down (-1), which is a loss.
+
+        `name` is for texts such as "NAME 30 -> 42 mm", or "NAME 12 mm more (30 -> 42 mm)". `after`
+        rounds the sum of number and size. `changes` has the values by field path; None: that of the
+        field. By default the scale is the number, and the largest size ten times that, or nearly
+        all of a loss.
+        """
+
+        def propose(size: float) -> Proposal:
+            new = after(before + sign * size)
+            text = from_to(before, new, unit)
+            if says_more:
+                text = f"{figures(size, unit)} more ({text})"
+            values = {field: new} if changes is None else changes(new)
+            return Proposal(values, new, f"{name} {text}", figures(new, unit))
+
+        most = (_MAX_GROWTH if sign > 0 else _MAX_LOSS) * before
+        sizes = {"scale": before, "most": most, "is_loss": sign < 0}
+        return cls(kind, field, before, unit, propose=propose, **{**sizes, **others})
+
     def __repr__(self) -> str:
         return f"<Change of {self.field}, up to {self.most:g} {self.unit}>"
-
-
-def rounded(size: float) -> float:
-    """Return a number rounded to the figures of texts."""
-    return float(f"{size:.{FIGURES}g}")
-
-
-def exact(value: float) -> float:
-    """Return a number without the rounding error of a sum of rounded numbers."""
-    return float(f"{value:.10g}")
-
-
-def figures(value: float, unit: str = "") -> str:
-    """Return a number in the figures of texts, with its unit; metres as millimetres."""
-    if unit in _MILLI and abs(value) < 1:
-        value, unit = 1000 * value, _MILLI[unit]
-    return f"{value:.{_SHOWN}g} {unit}".rstrip()
-
-
-def from_to(before: float, after: float, unit: str) -> str:
-    """Return "30 -> 42 mm"."""
-    both = (before, after)
-    if unit in _MILLI and max(map(abs, both)) < 1:
-        both, unit = (1000 * before, 1000 * after), _MILLI[unit]
-    first, then = (f"{value:.{_SHOWN}g}" for value in both)
-    return f"{first} -> {then} {unit}".rstrip()
 
 
 # ---- The explained problem: its file's contents, and the geometry that changes need.

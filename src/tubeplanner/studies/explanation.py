@@ -28,9 +28,8 @@ from tubeplanner.outcome import (
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
+from tubeplanner.studies.change_kinds import cell_changes, end_changes, limit_changes, tube_changes
 from tubeplanner.studies.changes import Change, Question, in_order, rounded
-from tubeplanner.studies.geometry_changes import cell_changes, tube_changes
-from tubeplanner.studies.joint_changes import end_changes, limit_changes
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.remedies import (
     Headroom,

@@ -9,9 +9,14 @@ from typing import Any
 
 from tubeplanner.outcome import PlanningClock, Progress, TimeLimitReached
 from tubeplanner.planning.options import PlanOptions
+from tubeplanner.studies.change_kinds import (
+    clearance_changes,
+    effort_changes,
+    obstacle_changes,
+    payload_changes,
+    radius_changes,
+)
 from tubeplanner.studies.changes import Change, Proposal, Question, rounded
-from tubeplanner.studies.geometry_changes import clearance_changes, obstacle_changes, radius_changes
-from tubeplanner.studies.joint_changes import effort_changes, payload_changes
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.rows import PlannedRow, run_many
 from tubeplanner.text import json_value, short_repr

@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 from asked_problems import POINTS, POST, asked, made, text_of, the
 
-from tubeplanner.studies.geometry_changes import (
+from tubeplanner.studies.change_kinds import (
     cell_changes,
     clearance_changes,
-    obstacle_changes,
-    radius_changes,
-    tube_changes,
-)
-from tubeplanner.studies.joint_changes import (
     effort_changes,
     end_changes,
     limit_changes,
+    obstacle_changes,
     payload_changes,
+    radius_changes,
+    tube_changes,
 )
 
 BOX = {"box": [0.1, 0.06], "up": [0, 0, 1]}
