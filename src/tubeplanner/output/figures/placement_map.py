@@ -9,9 +9,15 @@ from scipy.spatial import ConvexHull
 from tubeplanner.arrays import FloatArray
 from tubeplanner.geometry.convex_shapes import ConvexShape
 from tubeplanner.outcome import PlanStatus
-from tubeplanner.output.drawing import OBSTACLE_COLOR, SPEED_COLORS, WARNING_COLOR, shape_points
+from tubeplanner.output.drawing import OBSTACLE_COLOR, WARNING_COLOR, shape_points
 from tubeplanner.output.figures.figure_files import new_figure, saved
-from tubeplanner.output.figures.sweep_figures import StatusMark, status_mark, status_words
+from tubeplanner.output.figures.sweep_figures import (
+    StatusMark,
+    draw_empty_cells,
+    duration_shades,
+    status_mark,
+    status_words,
+)
 from tubeplanner.studies.base_regions import BasePlacement
 from tubeplanner.studies.placement import (
     BASE_IN_OBSTACLE,
@@ -96,7 +102,6 @@ def _label(name: str, answer: Any) -> str:
 def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float) -> None:
     """Draw the rectangles of the grid: filled with a motion, hatched without."""
     from matplotlib.collections import PatchCollection
-    from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.patches import Rectangle
 
     grid, rows_by_base = result.grid, {row.base_placement: row for row in result.rows}
@@ -108,9 +113,8 @@ def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float
                 rows_by_base[base_placement]
             )
 
-    def cell(row: PlacementRow, **style: Any) -> Rectangle:
-        corner = (row.base_placement.x - width / 2, row.base_placement.y - depth / 2)
-        return Rectangle(corner, width, depth, **style)
+    def corner(row: PlacementRow) -> tuple[float, float]:
+        return row.base_placement.x - width / 2, row.base_placement.y - depth / 2
 
     # The row whose planning came farthest, of equal rows the shortest.
     best = [
@@ -118,8 +122,8 @@ def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float
         for rows in columns.values()
     ]
     planned = [row for row in best if row.is_feasible]
-    shades = LinearSegmentedColormap.from_list("duration", SPEED_COLORS[::-1])
-    cells = PatchCollection([cell(row) for row in planned], cmap=shades, zorder=1)
+    rectangles = [Rectangle(corner(row), width, depth) for row in planned]
+    cells = PatchCollection(rectangles, cmap=duration_shades(), zorder=1)
     cells.set_array(np.array([row.duration for row in planned]))
     axis.add_collection(cells)
     if planned:
@@ -129,14 +133,9 @@ def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float
         is_base = status == BASE_IN_OBSTACLE
         mark = _BASE_MARK if is_base else status_mark(PlanStatus(status))
         words = "base in obstacle" if is_base else status_words(PlanStatus(status))
-        options: dict[str, Any] = {
-            "facecolor": "#F4F4F4",
-            "edgecolor": mark.color,
-            "linewidth": 0.0,
-        }
-        for number, row in enumerate(rows):
-            label = {"label": f"no motion: {words} ({len(rows)})"} if number == 0 else {}
-            axis.add_patch(cell(row, hatch=mark.hatch, zorder=1, **options, **label))
+        label = f"no motion: {words} ({len(rows)})"
+        corners = list(map(corner, rows))
+        draw_empty_cells(axis, corners, (width, depth), mark, label, zorder=1)
 
 
 def _draw_obstacles(axis: "Axes", result: Placement, low: FloatArray, high: FloatArray) -> None:

@@ -11,15 +11,17 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.outcome import PlanStatus
 from tubeplanner.output.curves import trajectory_curves
-from tubeplanner.output.drawing import LINE_COLORS, SPEED_COLORS, WARNING_COLOR
+from tubeplanner.output.drawing import LINE_COLORS, WARNING_COLOR
 from tubeplanner.output.figures.figure_files import new_figure, saved
 from tubeplanner.output.figures.panels import line_style
 from tubeplanner.output.figures.sweep_figures import (
     ValueScale,
     draw_durations,
+    draw_empty_cells,
     draw_rug,
+    duration_shades,
+    gap_label,
     status_mark,
-    status_words,
     value_label,
 )
 from tubeplanner.studies.comparison import Comparison, ComparisonRow
@@ -229,19 +231,17 @@ def draw_map(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -> No
         across: The field along the horizontal axis.
         up: The field along the vertical axis.
     """
-    from matplotlib.patches import Rectangle
-
     style: dict[str, Any]
     columns, lines = _Ticks(rows, across), _Ticks(rows, up)
     durations = np.full((len(lines.values), len(columns.values)), np.nan)
-    gaps: dict[PlanStatus, list[tuple[int, int]]] = {}
+    gaps: dict[PlanStatus, list[tuple[float, float]]] = {}
     for row in rows:
         cell = lines.number(row), columns.number(row)
         if row.duration is None:
-            gaps.setdefault(row.status, []).append(cell)
+            gaps.setdefault(row.status, []).append((cell[1] - 0.5, cell[0] - 0.5))
         else:
             durations[cell] = row.duration
-    image = axis.imshow(durations, cmap=_shades(), origin="lower", aspect="auto")
+    image = axis.imshow(durations, cmap=duration_shades(), origin="lower", aspect="auto")
     if np.isfinite(durations).any():
         _figure(axis).colorbar(image, ax=axis, label="duration [s]")
     if durations.size <= _MAX_WRITTEN:
@@ -251,13 +251,9 @@ def draw_map(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -> No
             color = "white" if brightness < _DARK else "black"
             style = {"ha": "center", "va": "center", "fontsize": 7, "color": color}
             axis.text(column, line, f"{value:.3f}", **style)
-    for status, cells in gaps.items():
-        mark = status_mark(status)
-        for number, (line, column) in enumerate(cells):
-            label = _label(status, len(cells)) if number == 0 else None
-            style = {"facecolor": "#F4F4F4", "edgecolor": mark.color, "linewidth": 0}
-            corner = (column - 0.5, line - 0.5)
-            axis.add_patch(Rectangle(corner, 1, 1, hatch=mark.hatch, label=label, **style))
+    for status, corners in gaps.items():
+        label = gap_label(status, len(corners))
+        draw_empty_cells(axis, corners, (1, 1), status_mark(status), label)
     axis.set(xlabel=columns.scale.label, ylabel=lines.scale.label)
     axis.set_xticks(*columns.labels, rotation=20 if columns.is_long else 0)
     axis.set_yticks(*lines.labels)
@@ -276,12 +272,12 @@ def draw_scatter(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -
     scales[0].draw(axis, "x")
     scales[1].draw(axis, "y")
     if is_planned.any():
-        options = {"cmap": _shades(), "edgecolors": "#444444"}
+        options = {"cmap": duration_shades(), "edgecolors": "#444444"}
         drawn = axis.scatter(x[is_planned], y[is_planned], c=durations[is_planned], **options)
         _figure(axis).colorbar(drawn, ax=axis, label="duration [s]")
     for status in dict.fromkeys(row.status for row in rows if row.duration is None):
         of = np.array([row.status is status and row.duration is None for row in rows])
-        mark, label = status_mark(status), _label(status, int(of.sum()))
+        mark, label = status_mark(status), gap_label(status, int(of.sum()))
         axis.plot(x[of], y[of], mark.marker, color=mark.color, label=label)
     axis.grid(alpha=0.25)
     _legend_above(axis)
@@ -315,10 +311,6 @@ class _Ticks:
         return sum(map(len, self.labels[1])) > _MAX_UPRIGHT
 
 
-def _label(status: PlanStatus, count: int) -> str:
-    return f"no plan: {status_words(status)} ({count})"
-
-
 def _legend_above(axis: "Axes") -> None:
     """Draw the legend of marks above the panel, where nothing is hidden."""
     handles, labels = axis.get_legend_handles_labels()
@@ -326,13 +318,6 @@ def _legend_above(axis: "Axes") -> None:
         axis.legend(
             handles, labels, fontsize=8, ncols=2, loc="lower left", bbox_to_anchor=(0, 1.01)
         )
-
-
-def _shades() -> Any:
-    """Return the colours of durations: short durations light, as high speeds in other figures."""
-    from matplotlib.colors import LinearSegmentedColormap
-
-    return LinearSegmentedColormap.from_list("duration", SPEED_COLORS[::-1])
 
 
 def _figure(axis: "Axes") -> "Figure":

@@ -3,18 +3,19 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import is_number
 from tubeplanner.outcome import PlanStatus, Progress
-from tubeplanner.output.drawing import LINE_COLORS, WARNING_COLOR
+from tubeplanner.output.drawing import LINE_COLORS, SPEED_COLORS, WARNING_COLOR
 from tubeplanner.output.figures.figure_files import new_figure, saved
 from tubeplanner.output.figures.panels import line_style
 from tubeplanner.resources import EXAMPLE_PREFIX
-from tubeplanner.studies.sweeps import FieldSweep, SweepResult
+from tubeplanner.studies.study import StudyRow
+from tubeplanner.studies.sweeps import FieldRow, FieldSweep, SweepResult
 from tubeplanner.task.field_changes import factor_of
 from tubeplanner.text import value_text
 
@@ -249,32 +250,8 @@ _ABOVE: dict[str, Any] = {
 }
 
 
-class DurationRow(Protocol):
-    """A row that says how its plan ended."""
-
-    @property
-    def status(self) -> PlanStatus:
-        """Status of planning."""
-
-    @property
-    def duration(self) -> float | None:
-        """[s]; None if there is no plan."""
-
-    @property
-    def shortest_duration(self) -> float | None:
-        """[s]; None if there is no plan."""
-
-    @property
-    def runs(self) -> int | None:
-        """Number of simulated runs; None: none were simulated."""
-
-    @property
-    def runs_failed(self) -> int | None:
-        """Number of failed runs; None: none were simulated."""
-
-
 def draw_durations(
-    axis: "Axes", scale: ValueScale, rows: Sequence[DurationRow], *, with_shortest: bool
+    axis: "Axes", scale: ValueScale, rows: Sequence[FieldRow | StudyRow], *, with_shortest: bool
 ) -> None:
     """Draw durations against a field's values, with the number of failed runs if simulated.
 
@@ -310,7 +287,7 @@ def draw_durations(
     axis.legend(fontsize=8)
 
 
-def _mark_runs(axis: "Axes", positions: FloatArray, rows: Sequence[DurationRow]) -> None:
+def _mark_runs(axis: "Axes", positions: FloatArray, rows: Sequence[FieldRow | StudyRow]) -> None:
     """Write the number of failed runs above simulated answers, and mark answers with failures."""
     failed = []
     for row, position in zip(rows, positions, strict=True):
@@ -370,6 +347,35 @@ def status_words(status: PlanStatus) -> str:
     return str(status).replace("_", " ")
 
 
+def gap_label(status: PlanStatus, count: int) -> str:
+    """Return the label of the marks of a status without a plan."""
+    return f"no plan: {status_words(status)} ({count})"
+
+
+def duration_shades() -> Any:
+    """Return the colours of durations: short durations light, as high speeds in other figures."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("duration", SPEED_COLORS[::-1])
+
+
+def draw_empty_cells(
+    axis: "Axes",
+    corners: Sequence[tuple[float, float]],
+    size: tuple[float, float],
+    mark: StatusMark,
+    label: str,
+    **style: Any,
+) -> None:
+    """Draw the hatched cells of a status without a plan, given by their lower left corners."""
+    from matplotlib.patches import Rectangle
+
+    style = {"facecolor": "#F4F4F4", "edgecolor": mark.color, "linewidth": 0, **style}
+    for number, corner in enumerate(corners):
+        own = {**style, "label": label} if number == 0 else style
+        axis.add_patch(Rectangle(corner, *size, hatch=mark.hatch, **own))
+
+
 def draw_rug(axis: "Axes", gaps: Iterable[tuple[float, PlanStatus]]) -> None:
     """Mark values without a plan at the lower edge of axes, by their status."""
     positions: dict[PlanStatus, list[float]] = {}
@@ -377,7 +383,7 @@ def draw_rug(axis: "Axes", gaps: Iterable[tuple[float, PlanStatus]]) -> None:
         positions.setdefault(status, []).append(position)
     for status, values in positions.items():
         mark = status_mark(status)
-        label = f"no plan: {status_words(status)} ({len(values)})"
+        label = gap_label(status, len(values))
         transform = axis.get_xaxis_transform()
         options: dict[str, Any] = {"color": mark.color, "markersize": 6, "transform": transform}
         axis.plot(values, [0.03] * len(values), mark.marker, label=label, **options)
