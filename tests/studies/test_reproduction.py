@@ -51,7 +51,9 @@ def reproduced():
         progress("stands still at the corners")
         return stopping(problem)
 
-    return reproduced_with(plan=quick, judged_baseline=lambda problem, name: switched(problem))
+    return reproduced_with(
+        finished_plan=quick, judged_baseline=lambda problem, name: switched(problem)
+    )
 
 
 @pytest.mark.slow  # plans all paths of the paper
@@ -62,11 +64,11 @@ def test_every_printed_cell_is_planned_and_times_of_paths_are_those_of_the_paper
     for table in (TABLE_THREE, TABLE_FOUR):
         assert all((table.example, radius) in result.cells for radius in table.durations)
     assert any(str(what).startswith("example 3, no tube (") for what in texts)
-    paths = result.paths
-    conventional = [paths[k].duration(module.CONVENTIONAL) for k in (1, 2, 5)]
+    durations = {k: result.durations(k) for k in result.paths}
+    conventional = [durations[k][module.CONVENTIONAL] for k in (1, 2, 5)]
     assert np.round(conventional, 2).tolist() == [1.96, 1.00, 3.74]
-    assert paths[1].duration("bang-bang") == pytest.approx(TABLE_THREE.bang_bang, abs=0.005)
-    assert paths[3].duration("bang-bang") == pytest.approx(TABLE_FOUR.bang_bang, abs=0.005)
+    assert durations[1]["bang-bang"] == pytest.approx(TABLE_THREE.bang_bang, abs=0.005)
+    assert durations[3]["bang-bang"] == pytest.approx(TABLE_FOUR.bang_bang, abs=0.005)
 
 
 @pytest.mark.slow  # plans all cells of the paper
@@ -75,13 +77,13 @@ def test_the_default_method_beats_the_printed_second_phase_everywhere():
         method = STOP if options.method == SUH_BISHOP else options.method
         return plan(problem, PlanOptions(method, "fast"), progress)
 
-    result, _ = reproduced_with(plan=quick)
+    result, _ = reproduced_with(finished_plan=quick)
     for path in result.paths.values():
-        assert {*path.trajectories} == {module.CONVENTIONAL, *BASELINES}
-        assert all(not isinstance(one, str) for one in path.trajectories.values())
+        assert {*path} == {module.CONVENTIONAL, *BASELINES}
+        assert all(not isinstance(one, str) for one in path.values())
     for example, row in TABLE_TWO.items():
         for radius, (_, printed) in row.phases.items():
-            assert result.cell(example, radius).default.duration < printed
+            assert result.cells[example, radius].default.duration < printed
 
 
 def test_without_a_tube_the_elbow_is_free():
@@ -95,7 +97,7 @@ def test_without_a_tube_the_elbow_is_free():
 def test_the_command_writes_the_page_and_its_figures(reproduced, tmp_path, run, monkeypatch):
     result, _ = reproduced
     page = reproduction_page(result, {"Figure 3": "figure_3.png"})
-    cell = result.cell(5, 0.01)
+    cell = result.cells[5, 0.01]
     line = next(line for line in page.splitlines() if line.startswith("| 5 | 10 |"))
     ours, ratio = cell.default.duration, cell.default.duration / 1.52
     phases = f"| 1.52 | {cell.published.duration / 1.52:.2f} | {ours:.3f} | {ratio:.2f} |"

@@ -20,7 +20,7 @@ from tubeplanner.limits.tube_membership import current_segments, tube_use
 from tubeplanner.outcome import Infeasible, PlanStatus, StoppedBy
 from tubeplanner.planning.options import METHODS, PlanOptions
 from tubeplanner.planning.result import PlanResult
-from tubeplanner.studies.rows import RowRun, Variant, columns, finished_plan, rows_csv
+from tubeplanner.studies.rows import RowRun, RowTable, Variant, columns, finished_plan, rows_csv
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -185,7 +185,7 @@ class ComparisonRow:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(RowTable):
     """The results of several methods on one problem.
 
     Attributes:
@@ -207,8 +207,7 @@ class Comparison:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the comparison as JSON values."""
-        rows = [row.as_dict() for row in self.rows]
-        return {"problem": self.problem.name, "stopped_by": self.stopped_by, "rows": rows}
+        return self.table(problem=self.problem.name)
 
     def csv(self) -> str:
         """Return the rows as CSV; `failures` has NAME=MARGIN, spaces between them."""

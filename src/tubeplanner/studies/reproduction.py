@@ -20,7 +20,7 @@ from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.outcome import Infeasible, PlanningClock
 from tubeplanner.planning.options import REFINEMENT, SUH_BISHOP, PlanOptions
 from tubeplanner.planning.result import PlanResult
-from tubeplanner.planning.strategy import plan
+from tubeplanner.studies.rows import finished_plan
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_reader import load_problem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -172,48 +172,31 @@ class ReproducedCell:
 
 
 @dataclass(frozen=True, eq=False)
-class ReproducedPath:
-    """The results of the schemes without a tube on an example's path.
-
-    Attributes:
-        example: Number of the example of Table II.
-        trajectories: The trajectory, or the reason for its absence, by scheme. "by the paper's
-            constants": straight lines with stops, at the speed and acceleration of Table I.
-    """
-
-    example: int
-    trajectories: dict[str, JointTrajectory | str]
-
-    def duration(self, scheme: str) -> float | None:
-        """Return the duration of a scheme [s]; None where it has no trajectory."""
-        trajectory = self.trajectories[scheme]
-        return None if isinstance(trajectory, str) else trajectory.duration
-
-
-@dataclass(frozen=True, eq=False)
 class Reproduction:
     """Tables II to IV from our code.
 
     Attributes:
         cells: The cells by example and tolerance [m].
-        paths: The paths by example.
+        paths: By example and scheme without a tube: the trajectory on the example's path, or the
+            reason for its absence. "by the paper's constants": straight lines with stops, at the
+            speed and acceleration of Table I.
     """
 
     cells: dict[tuple[int, float], ReproducedCell]
-    paths: dict[int, ReproducedPath]
+    paths: dict[int, dict[str, JointTrajectory | str]]
 
-    def cell(self, example: int, radius: float) -> ReproducedCell:
-        """Return the cell of an example at a tolerance [m]."""
-        return self.cells[example, radius]
+    def durations(self, example: int) -> dict[str, float | None]:
+        """Return the durations on an example's path by scheme [s]; None without a trajectory."""
+        return {
+            scheme: None if isinstance(each, str) else each.duration
+            for scheme, each in self.paths[example].items()
+        }
 
     def as_dict(self) -> dict[str, Any]:
         """Return all durations as JSON values [s]."""
         return {
             "cells": [cell.as_dict() for cell in self.cells.values()],
-            "paths": {
-                str(number): {name: path.duration(name) for name in path.trajectories}
-                for number, path in self.paths.items()
-            },
+            "paths": {str(example): self.durations(example) for example in self.paths},
         }
 
 
@@ -250,7 +233,7 @@ def reproduce(progress: Callable[[object], None] | None = None) -> Reproduction:
                 trajectories[name] = judged_baseline(problem, name)[0].trajectory
             except Infeasible as reason:
                 trajectories[name] = str(reason)
-        paths[example] = ReproducedPath(example, trajectories)
+        paths[example] = trajectories
     return Reproduction(cells, paths)
 
 
@@ -266,13 +249,10 @@ def _cell(
     example: int, radius: float, stage: str, report: Callable[[object], None]
 ) -> ReproducedCell:
     problem = paper_problem(example, radius)
-    results = []
+    results: list[Any] = []
     for method in _METHODS:
         options = PlanOptions(method, slack=0.0)
-        result = plan(problem, options, lambda progress: report(f"{stage}: {progress}"))
-        if result.stopped_by == "interrupt":
-            raise KeyboardInterrupt
-        results.append(result)
+        results.append(finished_plan(problem, options, lambda what: report(f"{stage}: {what}")))
     return ReproducedCell(example, radius, problem, *results)
 
 
@@ -328,11 +308,13 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
         reproduction: The results.
         figures: The file of each figure, by its caption.
     """
-    schemes = list(next(iter(reproduction.paths.values())).trajectories)
+    schemes = list(next(iter(reproduction.paths.values())))
     without_tube = [
-        [str(number), f"{TABLE_TWO[number].conventional:.2f}"]
-        + [_seconds(path.duration(scheme)) for scheme in schemes]
-        for number, path in reproduction.paths.items()
+        [
+            *(str(number), f"{TABLE_TWO[number].conventional:.2f}"),
+            *map(_seconds, reproduction.durations(number).values()),
+        ]
+        for number in reproduction.paths
     ]
     examples: dict[str, list[int]] = {}  # by remark: some have the same
     for number, row in TABLE_TWO.items():
@@ -344,7 +326,7 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
     ]
     radii = ", ".join(f"{1000 * radius:.0f}" for radius in FIGURE_SEVEN)
     durations = ", ".join(
-        f"{_seconds(reproduction.cell(1, radius).published.duration)} ({printed:.2f})"
+        f"{_seconds(reproduction.cells[1, radius].published.duration)} ({printed:.2f})"
         for radius, printed in FIGURE_SEVEN.items()
     )
     figure_seven = (
@@ -411,7 +393,7 @@ def _pairs(
     reproduction: Reproduction, example: int, radius: float
 ) -> dict[str, tuple[float | None, float]]:
     """Return our duration and the printed duration, by name."""
-    cell = reproduction.cell(example, radius)
+    cell = reproduction.cells[example, radius]
     phase_one, phase_two = TABLE_TWO[example].phases[radius]
     return {
         _PHASE_ONE: (cell.published.phase1_duration, phase_one),
@@ -423,7 +405,7 @@ def _pairs(
 def _table_of_line(reproduction: Reproduction, table: PrintedLine) -> str:
     rows = []
     for radius, printed in table.durations.items():
-        cell = reproduction.cell(table.example, radius)
+        cell = reproduction.cells[table.example, radius]
         row = ["none" if radius == NO_TUBE else f"{1000 * radius:.0f}", f"{printed:.2f}"]
         for duration in (cell.published.duration, cell.default.duration):
             row += [_seconds(duration), _ratio(duration, printed)]
@@ -433,8 +415,8 @@ def _table_of_line(reproduction: Reproduction, table: PrintedLine) -> str:
 
 def _line_itself(reproduction: Reproduction, table: PrintedLine) -> str:
     """Return a sentence on instantly switching motors and the cost of smoothness."""
-    path = reproduction.paths[table.example]
-    bang_bang, smoothed = path.duration("bang-bang"), path.duration("smoothed-bang-bang")
+    durations = reproduction.durations(table.example)
+    bang_bang, smoothed = durations["bang-bang"], durations["smoothed-bang-bang"]
     return (
         f"Bang-bang on the line itself takes {_seconds(bang_bang)} s (printed: "
         f"{table.bang_bang:.2f} s), smoothed {_seconds(smoothed)} s (printed: {table.smoothed:.2f} "

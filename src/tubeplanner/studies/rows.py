@@ -162,6 +162,28 @@ def _plain(value: Any) -> Any:
     return str(value) if isinstance(value, PlanStatus) else json_value(value)
 
 
+class RowTable:
+    """A result with rows; a subclass says of what.
+
+    Attributes:
+        rows: The rows.
+        stopped_by: "interrupt" if Ctrl-C kept other variants from being planned; None otherwise.
+    """
+
+    rows: tuple[Any, ...]
+    stopped_by: StoppedBy | None
+
+    @property
+    def succeeded(self) -> bool:
+        """True if any row has a certified motion."""
+        return any(row.duration is not None for row in self.rows)
+
+    def table(self, **about: Any) -> dict[str, Any]:
+        """Return the rows as JSON values, behind what they are about."""
+        rows = [row.as_dict() for row in self.rows]
+        return {**about, "stopped_by": self.stopped_by, "rows": rows}
+
+
 def rows_csv(rows: Sequence[Any], texts: Callable[[Any], Mapping[str, str]], **titles: str) -> str:
     """Return rows as CSV.
 

@@ -18,7 +18,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies.journal import require_fields
 from tubeplanner.studies.problem_spec import ProblemSpec
-from tubeplanner.studies.rows import PlannedRow, RowRun, Variant, columns
+from tubeplanner.studies.rows import PlannedRow, RowRun, RowTable, Variant, columns
 from tubeplanner.task.field_changes import factor_of
 from tubeplanner.text import csv_text, short_repr, value_text
 
@@ -434,7 +434,7 @@ def crashed_answer(error: Exception) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class StudyResult:
+class StudyResult(RowTable):
     """The rows of a study.
 
     Attributes:
@@ -448,11 +448,6 @@ class StudyResult:
     stopped_by: StoppedBy | None = None
 
     __repr__ = short_repr
-
-    @property
-    def succeeded(self) -> bool:
-        """True if any point has a certified motion."""
-        return any(row.duration is not None for row in self.rows)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -469,9 +464,8 @@ class StudyResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the study as JSON values."""
-        rows = [row.as_dict() for row in self.rows]
-        about = {"study": self.study.name, "points": len(self.study.points), "counts": self.counts}
-        return {**about, "stopped_by": self.stopped_by, "rows": rows}
+        count = len(self.study.points)
+        return self.table(study=self.study.name, points=count, counts=self.counts)
 
     def csv(self) -> str:
         """Return the rows as CSV, with a column for every varied field.

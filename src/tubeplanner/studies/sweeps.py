@@ -27,6 +27,7 @@ from tubeplanner.studies.rows import (
     PlannedRow,
     Row,
     RowRun,
+    RowTable,
     Variant,
     columns,
     finished_plan,
@@ -191,7 +192,7 @@ def _judged(
 
 
 @dataclass(frozen=True, eq=False)
-class SweepResult:
+class SweepResult(RowTable):
     """The duration against the tolerance.
 
     Attributes:
@@ -208,16 +209,9 @@ class SweepResult:
 
     __repr__ = short_repr
 
-    @property
-    def succeeded(self) -> bool:
-        """True if any tolerance has a certified trajectory."""
-        return any(row.duration is not None for row in self.rows)
-
     def as_dict(self) -> dict[str, Any]:
         """Return the sweep as JSON values."""
-        rows = [row.as_dict() for row in self.rows]
-        report = {"problem": self.problem.name, "quantity": self.quantity}
-        return {**report, "stopped_by": self.stopped_by, "rows": rows}
+        return self.table(problem=self.problem.name, quantity=self.quantity)
 
     def csv(self) -> str:
         """Return the rows as CSV; `radii` has a number per segment [m], spaces between."""
@@ -323,7 +317,7 @@ def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class FieldSweep:
+class FieldSweep(RowTable):
     """The duration against a field.
 
     Attributes:
@@ -341,11 +335,6 @@ class FieldSweep:
     __repr__ = short_repr
 
     @property
-    def succeeded(self) -> bool:
-        """True if any value has a certified trajectory."""
-        return any(row.duration is not None for row in self.rows)
-
-    @property
     def is_simulated(self) -> bool:
         """True if any answer was executed in simulation."""
         return any(row.verdict is not None for row in self.rows)
@@ -357,9 +346,7 @@ class FieldSweep:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the sweep as JSON values."""
-        rows = [row.as_dict() for row in self.rows]
-        report = {"problem": self.name, "quantity": self.path}
-        return {**report, "stopped_by": self.stopped_by, "rows": rows}
+        return self.table(problem=self.name, quantity=self.path)
 
     def csv(self) -> str:
         """Return the rows as CSV; lists and maps as JSON, notes with semicolons between."""

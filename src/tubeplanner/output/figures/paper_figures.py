@@ -41,11 +41,11 @@ _SCHEMES = {
 def schemes_figure(reproduction: Reproduction) -> "Figure":
     """Draw figure 3: the paths of the earlier schemes and of our methods, in the tube."""
     example, radius = _FIGURE_THREE
-    cell = reproduction.cell(example, radius)
+    cell = reproduction.cells[example, radius]
     figure = new_figure(7.5, 7.5)
     axis = figure.add_subplot()
     _draw_tube(axis, cell.problem.tube)
-    paths = reproduction.paths[example].trajectories
+    paths = reproduction.paths[example]
     drawn: dict[str, JointTrajectory | str]
     drawn = {title: paths[scheme] for scheme, title in _SCHEMES.items()}
     for method, title in METHOD_TITLES.items():
@@ -68,13 +68,13 @@ def speeds_figure(reproduction: Reproduction) -> "Figure":
     axes = figure.subplots(1, 2, sharey=True)
     for axis, (method, title) in zip(axes, METHOD_TITLES.items(), strict=True):
         for number, radius in enumerate(FIGURE_SEVEN):
-            curves = _curves(reproduction.cell(1, radius), method)
+            curves = _curves(reproduction.cells[1, radius], method)
             if curves is not None:
                 label = f"{1000 * radius:.0f} mm: {curves.samples.time[-1]:.2f} s"
                 axis.plot(curves.samples.time, curves.speed, label=label, **line_style(number))
-        conventional = reproduction.paths[1].trajectories[CONVENTIONAL]
+        conventional = reproduction.paths[1][CONVENTIONAL]
         if isinstance(conventional, JointTrajectory):
-            problem = reproduction.cell(1, 0.01).problem
+            problem = reproduction.cells[1, 0.01].problem
             slow = trajectory_curves(problem, conventional)
             label = f"conventional: {conventional.duration:.2f} s"
             axis.plot(slow.samples.time, slow.speed, label=label, **{**LIMIT, "linewidth": 1.4})
@@ -98,10 +98,10 @@ def line_figure(reproduction: Reproduction, table: PrintedLine, name: str) -> "F
     axes = figure.subplots(2, 4, width_ratios=(1.1, 1, 1, 1))
     radii = [radius for radius in (*table.shown, NO_TUBE) if radius in table.durations]
     for row, (method, title) in zip(axes, METHOD_TITLES.items(), strict=True):
-        widest = reproduction.cell(table.example, table.shown[-1])
+        widest = reproduction.cells[table.example, table.shown[-1]]
         _draw_tube(row[0], widest.problem.tube)
         for number, radius in enumerate(radii):
-            curves = _curves(reproduction.cell(table.example, radius), method)
+            curves = _curves(reproduction.cells[table.example, radius], method)
             if curves is not None:
                 tolerance = "no tube" if radius == NO_TUBE else f"{1000 * radius:.0f} mm"
                 label = f"{tolerance}: {curves.samples.time[-1]:.2f} s"
