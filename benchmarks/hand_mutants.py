@@ -17,10 +17,12 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "RobotModel.in_root_frame": [("[:3, :3]", "[:3, :3].T")],
     # Kinematics
     "build_model": [("pose * frame.placement", "frame.placement * pose")],
-    "frame_jacobian": [("pin.LOCAL_WORLD_ALIGNED", "pin.LOCAL")],
     "frame_velocities": [("rotation @ by_q[..., :3, :]", "rotation @ by_q[..., 3:, :]")],
     "BodyChain.poses": [("sine * across", "angle[..., None, None] * across")],
-    "ToolChain.jacobians": [(" * carried[:, None]", "")],
+    "ToolChain.jacobians": [
+        (" * carried[:, None]", ""),
+        ("pin.LOCAL_WORLD_ALIGNED", "pin.LOCAL"),
+    ],
     "effort_rate_derivatives": [("change[1] + mean[0]", "change[1]")],
     # Shapes and distances
     "ConvexShape.transformed": [("placement[:3, :3].T", "placement[:3, :3]")],

@@ -140,14 +140,19 @@ def no_samples():
     from tubeplanner.geometry.tube import regions
     from tubeplanner.limits import speed_polynomial as speed_roots
     from tubeplanner.optimizer.region_constraints import EvaluatedRegions, Planes
-    from tubeplanner.robot import kinematics
+    from tubeplanner.robot import kinematics, model
 
     none = np.zeros(0)
     table, q = np.zeros((2, 41)), np.zeros((0, 2))
-    kinematics.native_last_jacobians(table, q)
-    kinematics.native_last_poses(table[:0], np.zeros((1, 2)))
-    poses = kinematics.native_body_poses(table, q)
-    kinematics.native_point_jacobians(table, 2, poses, none, np.zeros((0, 3)))
+    rotation, position = np.zeros((0, 3, 3, 3)), np.zeros((0, 3, 3))
+    kinematics._body_poses(table, 2, q, 2, 0, rotation, position)
+    last = (rotation[:, 0], position[:, 0])
+    kinematics._last_poses(table, 2, q, 2, 0, *last, np.zeros((0, 6, 2)))
+    kinematics._last_poses(
+        table[:0], 0, np.zeros((1, 2)), 2, 1, np.zeros((1, 3, 3)), np.zeros((1, 3)), None
+    )
+    points = (none.astype(int), np.zeros((0, 3)))
+    model._point_jacobians(table, 2, rotation, position, *points, 2, 0, np.zeros((0, 3, 2)))
     joints = (q, q, q, q)
     settings = np.ones(20)
     inverse_kinematics.native_solve_positions(table, settings, np.zeros((0, 3)), joints, None)

@@ -15,94 +15,13 @@ import numpy as np
 import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
-from tubeplanner.native.library import LIBRARY, Doubles, Integers, native_function
+from tubeplanner.native.library import Doubles, native_function
 from tubeplanner.robot.pinocchio_model import Scratch
 from tubeplanner.robot.urdf import Mimic, UrdfDescription
 
-# ---- Poses and Jacobians of bodies in a chain, compiled.
-
-_TABLE = (Doubles, c_int64)
-_POSES = native_function(
-    "tubeplanner_body_poses", *_TABLE, Doubles, c_int64, c_int64, Doubles, Doubles
-)
-_LAST_POSES = native_function(
-    "tubeplanner_last_poses",
-    *(*_TABLE, Doubles, c_int64, c_int64, Doubles, Doubles, Doubles),
-    returns=c_int,
-)
-_POINT_JACOBIANS = native_function(
-    "tubeplanner_point_jacobians",
-    *(*_TABLE, Doubles, Doubles, Integers, Doubles, c_int64, c_int64, Doubles),
-)
-
-
-def native_body_poses(table: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return rotations (N, M + 1, 3, 3) and origins (N, M + 1, 3) [m] at positions (N, n)."""
-    assert _POSES is not None
-    q, shape = np.ascontiguousarray(q), (len(q), len(table) + 1)
-    rotation, position = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
-    _POSES(table, len(table), q, q.shape[1], len(q), rotation, position)
-    return rotation, position
-
-
-def native_last_poses(table: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the rotation (N, 3, 3) and origin (N, 3) [m] of the last body at positions (N, n).
-
-    Each body must carry the next.
-    """
-    rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
-    _set_last_poses(table, q, rotation, position, None)
-    return rotation, position
-
-
-def native_last_jacobians(
-    table: FloatArray, q: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return `native_last_poses` and their Jacobians (N, 6, n), linear rows first, base frame."""
-    rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
-    jacobian = np.empty((len(q), 6, q.shape[1]))
-    _set_last_poses(table, q, rotation, position, jacobian)
-    return rotation, position, jacobian
-
-
-def native_point_jacobians(
-    table: FloatArray,
-    joint_count: int,
-    poses: tuple[FloatArray, FloatArray],
-    body: IntArray,
-    point: FloatArray,
-) -> FloatArray:
-    """Return the Jacobians of points, shape (N, 3, n) [m/rad or 1].
-
-    Args:
-        table: The joint table.
-        joint_count: Number n of planned joints.
-        poses: From `native_body_poses`.
-        body: The body that carries each point, shape (N,).
-        point: In the base frame, shape (N, 3) [m].
-    """
-    assert _POINT_JACOBIANS is not None
-    rotation, position, point = (np.ascontiguousarray(values) for values in (*poses, point))
-    jacobian = np.empty((len(point), 3, joint_count))
-    body = np.ascontiguousarray(body, dtype=np.int64)
-    _POINT_JACOBIANS(
-        *(table, len(table), rotation, position, body, point, joint_count, len(point), jacobian)
-    )
-    return jacobian
-
-
-def _set_last_poses(
-    table: FloatArray,
-    q: FloatArray,
-    rotation: FloatArray,
-    position: FloatArray,
-    jacobian: FloatArray | None,
-) -> None:
-    assert _LAST_POSES is not None
-    q = np.ascontiguousarray(q)
-    if _LAST_POSES(table, len(table), q, q.shape[1], len(q), rotation, position, jacobian):
-        raise MemoryError
-
+_TABLE = (Doubles, c_int64, Doubles, c_int64, c_int64, Doubles, Doubles)
+_body_poses = native_function("tubeplanner_body_poses", *_TABLE)
+_last_poses = native_function("tubeplanner_last_poses", *_TABLE, Doubles, returns=c_int)
 
 # ---- The joints of a robot's model: n planned joints and their followers.
 #
@@ -185,14 +104,7 @@ def model_joints(
     group: Sequence[str],
     followers: Mapping[str, Mimic],
 ) -> ModelJoints:
-    """Return the joints of a model.
-
-    Args:
-        description: The robot.
-        names: The names of the joints, in the order of the model.
-        group: The planned joints.
-        followers: The rules of all other joints, by name.
-    """
+    """Return the joints of a model by their names, in its order; followers by their rules."""
     rules = [followers.get(name, Mimic(name, 1.0, 0.0)) for name in names]
     return ModelJoints(
         planned=np.array([group.index(rule.master) for rule in rules], dtype=np.int64),
@@ -224,25 +136,14 @@ class BodyChain:
     axes: FloatArray
     is_revolute: BoolArray
 
-    @staticmethod
-    def of(
-        parents: IntArray,
-        placements: Sequence[FloatArray],
-        axes: FloatArray,
-        is_revolute: BoolArray,
-    ) -> "BodyChain":
-        """Return the chain of bodies of known poses (4, 4) in their parents, joints at zero."""
-        poses = np.array(placements)
-        return BodyChain(
-            parents, poses[:, :3, :3].copy(), poses[:, :3, 3].copy(), axes, is_revolute
-        )
-
     def poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] at positions (N, M)."""
-        if LIBRARY.functions is not None:
-            return native_body_poses(self._own_table, q)
         shape = (len(q), len(self.parents))
         rotation, position = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
+        if _body_poses is not None:
+            own, q = self._own_table, np.ascontiguousarray(q)
+            _body_poses(own, len(own), q, q.shape[1], len(q), rotation, position)
+            return rotation, position
         rotation[:, 0], position[:, 0] = np.eye(3), 0.0
         # Of the bodies in their parents. Rodrigues: R = R0 (I + sin(q) K + (1 - cos(q)) K^2), K the
         # axis's cross-product matrix.
@@ -279,13 +180,7 @@ class BodyChain:
     def joint_table(
         self, planned: IntArray, multiplier: FloatArray, offset: FloatArray
     ) -> FloatArray:
-        """Return the joint table of the native functions, shape (M, 41).
-
-        Args:
-            planned: Index of the planned joint, or of the leader, shape (M,).
-            multiplier: Velocity over the planned joint's, shape (M,).
-            offset: Position at the planned joint's zero, shape (M,) [rad or m].
-        """
+        """Return the joint table of the native functions, (M, 41), with rules as `ModelJoints`."""
         across, twice, along = self._by_joint
         numbers = [self.parents[1:], planned, self.is_revolute, multiplier, offset]
         vectors = [self.position[1:], self.axes, along]
@@ -304,34 +199,6 @@ class BodyChain:
         rotation = self.rotation[1:]
         along = np.einsum("mij,mj->mi", rotation, self.axes)
         return rotation @ across, rotation @ across @ across, along
-
-
-def frame_jacobian(
-    model: pin.Model, data: pin.Data, joints: ModelJoints, frame: int, q: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the rotation, the position and the Jacobian of a frame.
-
-    Args:
-        model: The arm.
-        data: Of the model; written to.
-        joints: The joints of the model.
-        frame: Index of the frame in the model.
-        q: Configurations, shape (N, n).
-
-    Returns:
-        Rotations (N, 3, 3), positions (N, 3) [m] and Jacobians (N, 6, n), linear rows first, in the
-        base frame.
-    """
-    rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
-    shape = (6, model.nv)
-    jacobian = np.empty((len(q), *shape))
-    placement = data.oMf[frame]
-    for i, q_i in enumerate(joints.positions(q)):
-        columns = pin.computeFrameJacobian(model, data, q_i, frame, pin.LOCAL_WORLD_ALIGNED)
-        jacobian[i] = columns.reshape(shape)  # one column comes back flat
-        pin.updateFramePlacement(model, data, frame)
-        rotation[i], position[i] = placement.rotation, placement.translation
-    return rotation, position, joints.collected(jacobian)
 
 
 def frame_velocities(
@@ -401,8 +268,8 @@ class ToolChain:
 
     def poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, 3, 3) and positions (N, 3) [m] in configurations (N, n)."""
-        if LIBRARY.functions is not None:
-            return native_last_poses(self.joint_table, q)
+        if _last_poses is not None:
+            return self._compiled(q, None)
         if len(q) >= _MANY:
             return self._of_bodies(*self.chain.poses(self.joints.positions(q)))
         model, data, frame = self.model, self.scratch.data, self.frame
@@ -415,9 +282,10 @@ class ToolChain:
         return rotation, position
 
     def jacobians(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rotations, positions and Jacobians (N, 6, n) in configurations (N, n)."""
-        if LIBRARY.functions is not None:
-            return native_last_jacobians(self.joint_table, q)
+        """Return poses and Jacobians (N, 6, n), linear rows first, base frame, at (N, n)."""
+        if _last_poses is not None:
+            jacobian = np.empty((len(q), 6, q.shape[1]))
+            return *self._compiled(q, jacobian), jacobian
         if len(q) >= _MANY:
             rotation, position = self.chain.poses(self.joints.positions(q))
             tool_rotation, tool = self._of_bodies(rotation, position)
@@ -429,7 +297,15 @@ class ToolChain:
             )
             columns = np.concatenate([linear, np.where(is_revolute, axis, 0.0)], axis=2)
             return tool_rotation, tool, self.joints.collected(columns.swapaxes(1, 2))
-        return frame_jacobian(self.model, self.scratch.data, self.joints, self.frame, q)
+        model, data, frame = self.model, self.scratch.data, self.frame
+        rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+        jacobian, placement = np.empty((len(q), 6, model.nv)), data.oMf[frame]
+        for i, q_i in enumerate(self.joints.positions(q)):
+            columns = pin.computeFrameJacobian(model, data, q_i, frame, pin.LOCAL_WORLD_ALIGNED)
+            jacobian[i] = columns.reshape(jacobian.shape[1:])  # one column comes back flat
+            pin.updateFramePlacement(model, data, frame)
+            rotation[i], position[i] = placement.rotation, placement.translation
+        return rotation, position, self.joints.collected(jacobian)
 
     @cached_property
     def joint_table(self) -> FloatArray:
@@ -439,6 +315,18 @@ class ToolChain:
         line = self.chain.line(moving + 1, tool.placement.rotation, tool.placement.translation)
         rules = (joints.planned, joints.multiplier, joints.offset)
         return line.joint_table(*(np.append(rule[moving], 0) for rule in rules))
+
+    def _compiled(
+        self, q: FloatArray, jacobian: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `poses`, and write `jacobians` to an array if there is one."""
+        rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+        own, values = self.joint_table, np.ascontiguousarray(q)
+        sizes = (q.shape[1], len(q))
+        assert _last_poses is not None  # the caller asks first
+        if _last_poses(own, len(own), values, *sizes, rotation, position, jacobian):
+            raise MemoryError
+        return rotation, position
 
     def _of_bodies(
         self, rotation: FloatArray, position: FloatArray

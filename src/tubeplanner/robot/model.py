@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from ctypes import c_int64
 from functools import cached_property, partial, wraps
 from typing import Any, TypeVar, cast
 
@@ -10,7 +11,7 @@ import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.errors import FormerName, RobotError, shown
-from tubeplanner.native.library import LIBRARY
+from tubeplanner.native.library import Doubles, Integers, native_function
 from tubeplanner.resources import PackageDirs
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.kinematics import (
@@ -19,7 +20,6 @@ from tubeplanner.robot.kinematics import (
     cross_product,
     frame_velocities,
     model_joints,
-    native_point_jacobians,
 )
 from tubeplanner.robot.motors import JointMotors
 from tubeplanner.robot.pinocchio_model import (
@@ -41,6 +41,10 @@ from tubeplanner.robot.urdf import UrdfDescription, followers_of, joint_id
 
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
+_point_jacobians = native_function(
+    "tubeplanner_point_jacobians",
+    *(Doubles, c_int64, Doubles, Doubles, Integers, Doubles, c_int64, c_int64, Doubles),
+)
 _SPREAD = 8  # configurations: a rank below the largest is an accident at none or few of them
 _INDEPENDENT = 1e-6  # of the largest singular value
 
@@ -320,9 +324,13 @@ class RobotModel:
         Returns:
             Shape (N, 3, n) [m/rad or 1]. (Siciliano et al., "Robotics", 2009, equation 3.30.)
         """
-        if LIBRARY.functions is not None:
-            table, poses = self._joint_table, (rotation, position)
-            return native_point_jacobians(table, self.joint_count, poses, body, point)
+        if _point_jacobians is not None:
+            reals = [np.ascontiguousarray(part) for part in (rotation, position, point)]
+            carrier = np.ascontiguousarray(body, dtype=np.int64)
+            jacobian = np.empty((len(point), 3, self.joint_count))
+            table, sizes = self._joint_table, (self.joint_count, len(point))
+            _point_jacobians(table, len(table), *reals[:2], carrier, reals[2], *sizes, jacobian)
+            return jacobian
         axis = np.einsum("njab,jb->nja", rotation[:, 1:], self.chain.axes)
         by_turning = cross_product(axis, point[:, None] - position[:, 1:])
         columns: FloatArray = np.where(self.body_is_revolute[1:, None], by_turning, axis)
@@ -471,9 +479,10 @@ class RobotModel:
     @cached_property
     def chain(self) -> BodyChain:
         """The kinematic tree of the bodies."""
-        placements = [each.homogeneous for each in self._model.jointPlacements]
-        axes = joint_axes(self._model)
-        return BodyChain.of(self.body_parents, placements, axes, self._joints.is_revolute)
+        poses = np.array([each.homogeneous for each in self._model.jointPlacements])
+        rotation, position = poses[:, :3, :3].copy(), poses[:, :3, 3].copy()
+        joints = joint_axes(self._model), self._joints.is_revolute
+        return BodyChain(self.body_parents, rotation, position, *joints)
 
     @property
     def tool_joints(self) -> FloatArray:
