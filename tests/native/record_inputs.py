@@ -148,9 +148,8 @@ def no_samples():
     kinematics._body_poses(table, 2, q, 2, 0, rotation, position)
     last = (rotation[:, 0], position[:, 0])
     kinematics._last_poses(table, 2, q, 2, 0, *last, np.zeros((0, 6, 2)))
-    kinematics._last_poses(
-        table[:0], 0, np.zeros((1, 2)), 2, 1, np.zeros((1, 3, 3)), np.zeros((1, 3)), None
-    )
+    one = (np.zeros((1, 2)), 2, 1, np.zeros((1, 3, 3)), np.zeros((1, 3)))
+    kinematics._last_poses(table[:0], 0, *one, None)
     points = (none.astype(int), np.zeros((0, 3)))
     model._point_jacobians(table, 2, rotation, position, *points, 2, 0, np.zeros((0, 3, 2)))
     joints = (q, q, q, q)
