@@ -31,17 +31,32 @@ serve()
 """
 
 
-def require_expanded(path: Path, root: ElementTree.Element) -> None:
-    """Raise RobotError if a URDF or SRDF holds tags of xacro."""
+def contents(path: Path) -> bytes:
+    """Return the contents of a file of a robot; raise RobotError if it cannot be read."""
+    try:
+        return read_bytes(path, _MAX_BYTES)
+    except DocumentError as error:
+        raise RobotError(f"{path} cannot be read: {error}") from error
+
+
+def parsed_robot(path: Path, xml: bytes, kind: str) -> ElementTree.Element:
+    """Return the <robot> of a URDF or SRDF; raise RobotError without, or if it has xacro's tags."""
+    try:
+        root = ElementTree.fromstring(xml)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise RobotError(f"{path} cannot be read as {kind}: {error}") from error
+    if root.tag != "robot":
+        raise RobotError(f"{path}: the root element is <{root.tag}>, not <robot>")
     for element in root.iter():
         namespace, _, tag = str(element.tag).rpartition("}")
         if namespace.endswith(_NAMESPACE):
-            stem, _, kind = path.name.partition(".")
+            stem, _, ending = path.name.partition(".")
             raise RobotError(
                 f"{path} holds <xacro:{tag}>: it must be expanded first, by "
-                f"xacro {path.name} > {stem}.expanded.{kind or 'urdf'}; a file named "
-                f"{stem}.{kind or 'urdf'}{XACRO_ENDING} is expanded when it is read"
+                f"xacro {path.name} > {stem}.expanded.{ending or 'urdf'}; a file named "
+                f"{stem}.{ending or 'urdf'}{XACRO_ENDING} is expanded when it is read"
             )
+    return root
 
 
 def expanded(
@@ -379,17 +394,6 @@ def read_srdf(
     Raises:
         RobotError: The file cannot be read or expanded, or is no SRDF.
     """
-    try:
-        if path.suffix == XACRO_ENDING:
-            xml = expanded(path, xacro_args or {}, package_dirs, uses_all)
-        else:
-            xml = read_bytes(path, _MAX_BYTES)
-        root = ElementTree.fromstring(xml)
-    except DocumentError as error:
-        raise RobotError(f"{path} cannot be read: {error}") from error
-    except (ElementTree.ParseError, LookupError, ValueError) as error:
-        raise RobotError(f"{path} cannot be read as SRDF: {error}") from error
-    if root.tag != "robot":
-        raise RobotError(f"{path}: the root element is <{root.tag}>, not <robot>")
-    require_expanded(path, root)
-    return Srdf(path, root)
+    is_macro = path.suffix == XACRO_ENDING
+    xml = expanded(path, xacro_args or {}, package_dirs, uses_all) if is_macro else contents(path)
+    return Srdf(path, parsed_robot(path, xml, "SRDF"))

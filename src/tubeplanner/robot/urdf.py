@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tubeplanner.documents import DocumentError, read_bytes
 from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.resources import PackageDirs
-from tubeplanner.robot.ros_files import XACRO_ENDING, Srdf, expanded, require_expanded
+from tubeplanner.robot.ros_files import XACRO_ENDING, Srdf, contents, expanded, parsed_robot
 from tubeplanner.robot.urdf_elements import (
     LIMITS_SINCE,
     declare_prefixes,
@@ -23,9 +22,9 @@ from tubeplanner.robot.urdf_elements import (
     read_name,
     read_number,
     read_numbers,
+    read_placement,
     read_version,
     replace_quaternions,
-    require_origin,
     require_valid_link,
     undefined_note,
     unused_values,
@@ -38,7 +37,6 @@ MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
 STANDING_TYPES = ("planar", "floating")
 _JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *STANDING_TYPES)
 _RATES = ("acceleration", "deceleration", "jerk")
-_MAX_BYTES = 50_000_000
 _MAX_LINKS = 2_000  # of an arm and its cell; kinematics of more takes minutes
 # Tags that Pinocchio's kinematic copy does not need; meshes are read by `link_geometry`.
 _NOT_KINEMATIC = ("visual", "collision")
@@ -221,10 +219,7 @@ def read_urdf(
             inertia or a size is impossible, a number cannot be read, or the file cannot be
             expanded. The message names the file and the element.
     """
-    try:
-        content = read_bytes(path, _MAX_BYTES)
-    except DocumentError as error:
-        raise RobotError(f"{path} cannot be read: {error}") from error
+    content = contents(path)
     if b"<!ENTITY" in content:
         raise RobotError(f"{path} declares XML entities, which are not expanded; write them out")
     if path.suffix == XACRO_ENDING:
@@ -233,14 +228,8 @@ def read_urdf(
         raise RobotError(
             f"{path}: robot.xacro_args are for a file that ends in {XACRO_ENDING}; leave them out"
         )
-    declared = declare_prefixes(content)
-    try:
-        root = ElementTree.fromstring(declared.xml)
-    except (ElementTree.ParseError, LookupError, ValueError) as error:
-        raise RobotError(f"{path} cannot be read as URDF: {error}") from error
-    if root.tag != "robot":
-        raise RobotError(f"{path}: the root element is <{root.tag}>, not <robot>")
-    require_expanded(path, root)
+    xml, undeclared = declare_prefixes(content)
+    root = parsed_robot(path, xml, "URDF")
     version = read_version(str(path), root)
     link_count = len(root.findall("link"))
     if link_count > _MAX_LINKS:
@@ -253,7 +242,6 @@ def read_urdf(
         macros = ", only macros: take the file that calls them"
         raise RobotError(f"{path} holds no <link>{macros * (path.suffix == XACRO_ENDING)}")
     note = undefined_note(str(path), root)
-    xml = declared.xml
     if replace_quaternions(str(path), root, version):
         xml = ElementTree.tostring(root)
     joints = [_read_joint(path, element, version) for element in root.findall("joint")]
@@ -265,7 +253,7 @@ def read_urdf(
     by_name = {joint.name: joint for joint in joints}
     name = require_name(f"{path}: <robot> name", root.get("name") or path.stem, RobotError)
     notes = () if note is None else (note,)
-    return UrdfDescription(path, name, tuple(links), by_name, xml, declared.undeclared, notes)
+    return UrdfDescription(path, name, tuple(links), by_name, xml, undeclared, notes)
 
 
 def _read_joint(path: Path, element: ElementTree.Element, version: str) -> UrdfJoint:
@@ -274,7 +262,7 @@ def _read_joint(path: Path, element: ElementTree.Element, version: str) -> UrdfJ
     kind = read_name(where, element, "type")
     if kind not in _JOINT_TYPES:
         raise RobotError(f"{where}: {unknown_name('type', kind, _JOINT_TYPES)}")
-    require_origin(where, element)
+    read_placement(where, element)
     if kind in MOVABLE_TYPES:  # others carry meaningless axes in the wild
         axis = element.find("axis")
         if axis is not None:

@@ -1,8 +1,7 @@
 """Elements of a URDF: values, versions, link checks, unknown tags, undeclared prefixes."""
 
 import difflib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
@@ -13,32 +12,22 @@ from tubeplanner.errors import RobotError, shown
 from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy, rpy_of_matrix
 from tubeplanner.text import require_name
 
-# ---- Values of URDF elements; each fault is named with its element and its text.
+# ---- Values of URDF elements. A RobotError names each fault with its element and its text.
 
 MAX_LENGTH = 1e4  # [m]: no arm is larger, and far beyond it distances are only rounding
 
 
 def read_number(where: str, element: Element | None, key: str) -> float | None:
-    """Return an attribute as a number; None without the element or the attribute.
-
-    Raises:
-        RobotError: The text is no number, or nan.
-    """
+    """Return an attribute as a number, which is not nan; None without element or attribute."""
     text = None if element is None else element.get(key)
-    if text is None:
-        return None
-    value = _number(text)
-    if value is None:
+    value = None if text is None else _number(text)
+    if text is not None and value is None:
         raise RobotError(f"{where}: {written(key, text)} is not a number")
     return value
 
 
 def read_numbers(where: str, element: Element, key: str, count: int) -> FloatArray:
-    """Return an attribute as a vector of finite numbers, shape (count,).
-
-    Raises:
-        RobotError: The attribute is missing, has another count, or a word is no finite number.
-    """
+    """Return an attribute as a vector of finite numbers, shape (count,)."""
     text = element.get(key, "")
     numbers = [_number(word) for word in text.split()]
     values = [value for value in numbers if value is not None and np.isfinite(value)]
@@ -48,32 +37,22 @@ def read_numbers(where: str, element: Element, key: str, count: int) -> FloatArr
     return np.array(values)
 
 
-def require_origin(where: str, element: Element) -> None:
-    """Raise unless an element's <origin>, if any, has three sensible numbers in xyz and in rpy."""
-    origin = element.find("origin")
+def read_placement(where: str, element: Element) -> FloatArray:
+    """Return the pose of an element's <origin>, if any, shape (4, 4)."""
+    placement, origin = np.eye(4), element.find("origin")
     for key, unit in (("xyz", "m"), ("rpy", "rad")):
         if origin is None or origin.get(key) is None:
             continue
-        largest = abs(read_numbers(where, origin, key, 3)).max()
-        if largest > MAX_LENGTH:
+        values = read_numbers(where, origin, key, 3)
+        if (largest := abs(values).max()) > MAX_LENGTH:
             raise RobotError(
                 f"{where}: <origin> {key} has {largest:g} {unit}; at most {MAX_LENGTH:g} {unit} "
                 "are accepted (metres and radians are meant)"
             )
-
-
-def read_placement(where: str, element: Element) -> FloatArray:
-    """Return the pose of an element's <origin>, shape (4, 4).
-
-    Raises:
-        RobotError: As `require_origin`.
-    """
-    require_origin(where, element)
-    placement, origin = np.eye(4), element.find("origin")
-    if origin is not None and origin.get("xyz") is not None:
-        placement[:3, 3] = read_numbers(where, origin, "xyz", 3)
-    if origin is not None and origin.get("rpy") is not None:
-        placement[:3, :3] = matrix_of_rpy(*read_numbers(where, origin, "rpy", 3))
+        if key == "xyz":
+            placement[:3, 3] = values
+        else:
+            placement[:3, :3] = matrix_of_rpy(*values)
     return placement
 
 
@@ -84,21 +63,13 @@ def written(key: str, text: str) -> str:
 
 
 def read_name(where: str, element: Element, key: str) -> str:
-    """Return an attribute that holds a name.
-
-    Raises:
-        RobotError: The name is missing, empty, too long, or cannot be shown.
-    """
+    """Return an attribute that holds a name: not empty, not too long, and one that can be shown."""
     value = read_attribute(where, element, key)
     return require_name(f"{where}: <{element.tag}> {key}", value, RobotError)
 
 
 def read_attribute(where: str, element: Element, key: str) -> str:
-    """Return an attribute.
-
-    Raises:
-        RobotError: The attribute is missing or empty.
-    """
+    """Return an attribute that is not empty."""
     value = element.get(key)
     if not value:
         raise RobotError(f"{where}: a <{element.tag}> element has no attribute '{key}'")
@@ -106,11 +77,7 @@ def read_attribute(where: str, element: Element, key: str) -> str:
 
 
 def read_child(where: str, element: Element, tag: str) -> Element:
-    """Return the only child with a tag.
-
-    Raises:
-        RobotError: There is no child, or more than one.
-    """
+    """Return the only child with a tag."""
     children = element.findall(tag)
     if len(children) != 1:
         count = "no" if not children else str(len(children))
@@ -135,11 +102,7 @@ _SAME_ROTATION = 1e-6  # largest difference of matrices
 
 
 def read_version(where: str, robot: Element) -> str:
-    """Return the version of a <robot>; 1.0 without the attribute.
-
-    Raises:
-        RobotError: The version is not known.
-    """
+    """Return the version of a <robot>, one of those known; 1.0 without the attribute."""
     version = robot.get("version", _VERSIONS[0]).strip()
     if version not in _VERSIONS:
         raise RobotError(
@@ -202,18 +165,10 @@ _RELATIVE_TOLERANCE, _ABSOLUTE_TOLERANCE = 1e-3, 1e-6
 
 
 def require_valid_link(where: str, link: Element) -> None:
-    """Raise unless a link's inertia and collision geometry can be used.
-
-    Args:
-        where: Label of the link in messages.
-        link: The <link> element.
-
-    Raises:
-        RobotError: An inertia or a size is missing, negative or no number.
-    """
+    """Raise unless a link's inertia and collision geometry can be used."""
     if link.find("inertial") is not None:
         inertial = read_child(where, link, "inertial")
-        require_origin(f"{where}: <inertial>", inertial)
+        read_placement(f"{where}: <inertial>", inertial)
         element = read_child(f"{where}: <inertial>", inertial, "mass")
         mass = read_numbers(where, element, "value", 1)[0]
         if mass < 0:
@@ -225,16 +180,12 @@ def require_valid_link(where: str, link: Element) -> None:
                 "has a negative one"
             )
     for collision in link.findall("collision"):
-        require_origin(f"{where}: <collision>", collision)
+        read_placement(f"{where}: <collision>", collision)
         read_shape(where, collision)
 
 
 def principal_moments(where: str, inertial: Element) -> FloatArray:
-    """Return the principal moments of an <inertial>, ascending, shape (3,) [kg m^2].
-
-    Raises:
-        RobotError: A number is missing or not finite.
-    """
+    """Return the principal moments of an <inertial>, ascending, shape (3,) [kg m^2]."""
     inertia = read_child(f"{where}: <inertial>", inertial, "inertia")
     xx, yy, zz, xy, xz, yz = (read_numbers(where, inertia, key, 1)[0] for key in INERTIA)
     return np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -244,9 +195,6 @@ def read_shape(where: str, element: Element) -> tuple[str, tuple[float, ...], st
     """Return the kind, the sizes [m] and the file name of the shape of a <collision> or <visual>.
 
     The sizes of a mesh are its scale along each axis; other shapes have no file.
-
-    Raises:
-        RobotError: There is not exactly one shape of a known kind, or a size is impossible.
     """
     geometry = read_child(f"{where}: a <{element.tag}>", element, "geometry")
     shapes = list(geometry)
@@ -434,72 +382,46 @@ def _is_same(text: str, other: str) -> bool:
 # ROS and Drake read these files, as their parsers have no namespaces; by XML they are malformed.
 
 _NAMESPACES = {"drake": "http://drake.mit.edu", "xacro": "http://www.ros.org/wiki/xacro"}
-_PREDEFINED = ("xml", "xmlns")  # by XML itself
 
 
-@dataclass(frozen=True)
-class DeclaredXml:
-    """An XML text with all its prefixes declared.
-
-    Attributes:
-        xml: The text; unchanged if all prefixes were declared.
-        undeclared: The names under each prefix that was not declared, in the order of the text.
-    """
-
-    xml: bytes
-    undeclared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-
-
-def declare_prefixes(xml: bytes) -> DeclaredXml:
+def declare_prefixes(xml: bytes) -> tuple[bytes, dict[str, tuple[str, ...]]]:
     """Return an XML text with declarations of its undeclared prefixes added to the root.
 
     Args:
         xml: Any text; returned unchanged if it is malformed in another way, or in an encoding that
             does not contain ASCII.
+
+    Returns:
+        The text, and the names under each prefix that was not declared, in the order of the text.
     """
-    prefixes = _Prefixes()
+    declared = [frozenset(("xml", "xmlns"))]  # by XML itself; then by every enclosing element
+    undeclared: dict[str, dict[str, None]] = {}
     parser = expat.ParserCreate()
     roots: list[tuple[int, bytes]] = []
 
-    def start(name: str, attributes: dict[str, str]) -> None:
+    def enter(name: str, attributes: dict[str, str]) -> None:
         if not roots:
             roots.append((parser.CurrentByteIndex, f"<{name}".encode()))
-        prefixes.enter(name, attributes)
+        own = {key.removeprefix("xmlns:") for key in attributes if key.startswith("xmlns:")}
+        declared.append(declared[-1] | own if own else declared[-1])
+        for each in (name, *attributes):
+            prefix, _, local = each.partition(":")
+            if prefix and local and prefix not in declared[-1]:
+                undeclared.setdefault(prefix, {})[local] = None
 
-    parser.StartElementHandler = start
-    parser.EndElementHandler = lambda name: prefixes.leave()
+    parser.StartElementHandler = enter
+    parser.EndElementHandler = lambda name: declared.pop()
     try:
         parser.Parse(xml, True)
     except (expat.ExpatError, LookupError, ValueError):
-        return DeclaredXml(xml)
+        return xml, {}
     begin, tag = roots[0]
-    if not prefixes.undeclared or not xml.startswith(tag, begin):
-        return DeclaredXml(xml)
+    if not undeclared or not xml.startswith(tag, begin):
+        return xml, {}
     end = begin + len(tag)
-    undeclared = {prefix: tuple(names) for prefix, names in prefixes.undeclared.items()}
     declarations = "".join(
         f' xmlns:{prefix}="{_NAMESPACES.get(prefix, "undeclared:" + prefix)}"'
         for prefix in undeclared
     )
-    return DeclaredXml(xml[:end] + declarations.encode() + xml[end:], undeclared)
-
-
-class _Prefixes:
-    """Collects names under prefixes that no enclosing element declares."""
-
-    def __init__(self) -> None:
-        self.undeclared: dict[str, dict[str, None]] = {}
-        self._declared: list[frozenset[str]] = [frozenset(_PREDEFINED)]
-
-    def enter(self, name: str, attributes: Mapping[str, str]) -> None:
-        """Enter an element."""
-        own = {key.removeprefix("xmlns:") for key in attributes if key.startswith("xmlns:")}
-        self._declared.append(self._declared[-1] | own if own else self._declared[-1])
-        for each in (name, *attributes):
-            prefix, _, local = each.partition(":")
-            if prefix and local and prefix not in self._declared[-1]:
-                self.undeclared.setdefault(prefix, {})[local] = None
-
-    def leave(self) -> None:
-        """Leave the innermost element."""
-        self._declared.pop()
+    names = {prefix: tuple(own) for prefix, own in undeclared.items()}
+    return xml[:end] + declarations.encode() + xml[end:], names
