@@ -7,9 +7,8 @@ import pytest
 
 from tubeplanner import PlanningProblem, PlanOptions, Seed, Tube, plan
 from tubeplanner.optimizer import stages as refinement
-from tubeplanner.optimizer.auxiliary_tubes import smoother_problem, widened_radius
 from tubeplanner.optimizer.phased_spline import KnotGrid
-from tubeplanner.optimizer.segment_runs import sharpest_bend
+from tubeplanner.optimizer.tube_phases import sharpest_bend, smoother_problem, widened_radius
 
 SEED = Seed([-0.2, -1.3, 1.9, -2.0, -1.6, 0])
 RADIUS = 0.005

@@ -21,7 +21,7 @@ from tubeplanner.optimizer.region_constraints import (
     evaluated_points,
     goal_keys,
 )
-from tubeplanner.optimizer.segment_runs import OrderedSegments
+from tubeplanner.optimizer.tube_phases import OrderedSegments
 
 STEP = 1e-6
 MARGIN = 0.005

@@ -19,10 +19,10 @@ from tubeplanner.optimizer.region_constraints import (
     goal_keys,
 )
 from tubeplanner.optimizer.rows import EvaluatedSpeedLimit, StepSize
-from tubeplanner.optimizer.segment_runs import OrderedSegments
 from tubeplanner.optimizer.spline_constraints import BLENDED, WIDELY_BLENDED
 from tubeplanner.optimizer.stages import SecondStage
 from tubeplanner.optimizer.starts import knot_grid
+from tubeplanner.optimizer.tube_phases import OrderedSegments
 from tubeplanner.robot.joint_limits import EffortRange
 from tubeplanner.trajectory.joint_trajectory import from_spline
 from tubeplanner.trajectory.parts import common_intervals

@@ -7,7 +7,7 @@ import pytest
 from cases import SHORTEST
 
 from tubeplanner import PlanningProblem, PlanOptions, Seed, Tube, plan, verify
-from tubeplanner.optimizer.segment_runs import tube_chains
+from tubeplanner.optimizer.tube_phases import tube_chains
 from tubeplanner.outcome import PlanningClock
 from tubeplanner.planning import refined_plan as module
 from tubeplanner.planning.refined_plan import narrowed_plan

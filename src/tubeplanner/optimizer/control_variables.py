@@ -33,6 +33,7 @@ class ControlVariables:
         column: The variable of every control point, -1 where it is fixed, shape (K,).
         lower: Bounds of the variables, shape (F, n) [rad or m].
         upper: Bounds of the variables, shape (F, n) [rad or m].
+        goal_moves: Whether the goal is open and has a tolerance or redundant joints.
     """
 
     def __init__(
@@ -44,12 +45,12 @@ class ControlVariables:
         """
         self._problem, self._grid = problem, grid
         self._goal = problem.open_goal
-        self._goal_moves = self._goal is not None and (
+        self.goal_moves = self._goal is not None and (
             self._goal.tolerance > 0 or _is_redundant(problem)
         )
         self.column = np.arange(grid.control_point_count) - REST_POINTS + start_moves
         self.column[:REST_POINTS] = 0 if start_moves else FIXED
-        last = self.column[-REST_POINTS - 1] + 1 if self._goal_moves else FIXED
+        last = self.column[-REST_POINTS - 1] + 1 if self.goal_moves else FIXED
         self.column[-REST_POINTS:] = last
         # Control points that move, their variables, and the first point of each variable.
         self._moving = moving = np.flatnonzero(self.column != FIXED)
@@ -107,11 +108,6 @@ class ControlVariables:
         points[self._moving] = inside[self._own]
         return points
 
-    @property
-    def goal_moves(self) -> bool:
-        """True if the goal is open and has a tolerance or redundant joints."""
-        return self._goal_moves
-
     def tie(self, following: "ControlVariables") -> None:
         """Give the goal, and the start of a motion that begins there, the same bounds."""
         self.lower[-1] = following.lower[0] = np.maximum(self.lower[-1], following.lower[0])
@@ -136,7 +132,7 @@ class ControlVariables:
         if start is not None:
             points += (1 - self._fraction_of_goal)[:, None] * (start - points[0])
             points[:REST_POINTS] = start
-        if not self._goal_moves:
+        if not self.goal_moves:
             return points if start is None else self.within_bounds(points)
         goal = self.goal_after(control_points, step)
         if goal is None:
@@ -169,7 +165,7 @@ class ControlVariables:
     def held(self, control_points: FloatArray) -> FloatArray:
         """Return the joint directions (r, n) that move the tool off a goal; r = 0 in a ball."""
         joints = control_points.shape[1]
-        if not self._goal_moves or self._goal is None or self._goal.tolerance > 0:
+        if not self.goal_moves or self._goal is None or self._goal.tolerance > 0:
             return np.zeros((0, joints))
         _, jacobian = self._problem.robot.tool_jacobian(control_points[-1:])
         _, gain, directions = np.linalg.svd(jacobian[0, :3], full_matrices=False)

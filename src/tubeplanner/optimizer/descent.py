@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.limits.path_samples import LimitKey
 from tubeplanner.optimizer.control_variables import FIXED, ControlVariables, shared_columns
-from tubeplanner.optimizer.linearization import BROKEN, Given, Linearization
+from tubeplanner.optimizer.linearization import BROKEN, Linearization
 from tubeplanner.optimizer.link_constraints import LinkConstraints
 from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.optimizer.region_constraints import EvaluatedRegions, Planes, goal_keys
@@ -172,7 +172,9 @@ class SequentialProgram:
         linear = Linearization(
             current,
             (rows, is_elastic),
-            Given(near, _near_planes(current, still), still),
+            near,
+            _near_planes(current, still),
+            still,
             self.variables,
             bounds,
             self.cost.quadratic(current.spline).times(_MULTIPLIER_SMOOTHING),
@@ -252,7 +254,9 @@ class SequentialProgram:
         return Linearization(
             current,
             (rows, is_elastic),
-            Given(near | np.isin(rows.index, remembered.rows), planes, none),
+            near | np.isin(rows.index, remembered.rows),
+            planes,
+            none,
             self.variables,
             bounds,
             self.objective.cost(current, self.variables, regularization),

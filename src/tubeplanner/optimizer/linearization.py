@@ -31,21 +31,6 @@ _BINDING = 0.005
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
-    """Constraints of the first program.
-
-    Attributes:
-        rows: Whether it has each row, shape (R,).
-        planes: Of every kind of regions.
-        ignored: Of every kind of regions, whether no program has planes of a sample, shape (N,).
-    """
-
-    rows: BoolArray
-    planes: tuple[Planes, ...]
-    ignored: tuple[BoolArray, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class Slack:
     """The slack of all rows and planes.
 
@@ -69,7 +54,9 @@ class Linearization:
         self,
         current: Iterate,
         rows: tuple[Rows, FloatArray],
-        value: Given,
+        near: BoolArray,
+        planes: tuple[Planes, ...],
+        ignored: tuple[BoolArray, ...],
         variables: ControlVariables,
         bounds: Bounds,
         quadratic: Quadratic,
@@ -80,7 +67,9 @@ class Linearization:
         Args:
             current: The trajectory.
             rows: All constraints but regions, and 1 for rows that may be violated, else 0.
-            value: The constraints of the first program.
+            near: Whether the first program has each row, shape (R,).
+            planes: Of the first program, of every kind of regions.
+            ignored: Of every kind, whether no program has planes of a sample, shape (N,).
             variables: The variable control points.
             bounds: Of the step.
             quadratic: Cost of the step.
@@ -88,13 +77,13 @@ class Linearization:
         """
         self._current, self._variables, self._bounds = current, variables, bounds
         self._rows, self._is_elastic = rows
-        self._near, self._active = value.rows, value.rows.copy()
-        self._planes, self._ignored = value.planes, value.ignored
+        self._near, self._active = near, near.copy()
+        self._planes, self._ignored = planes, ignored
         self._quadratic, self.penalty = quadratic, penalty
         self._parts: list[_Part] = []
-        self._give(np.flatnonzero(value.rows))
-        for kind, planes in enumerate(value.planes):
-            self._give_planes(kind, planes)
+        self._give(np.flatnonzero(near))
+        for kind, own in enumerate(planes):
+            self._give_planes(kind, own)
 
     @property
     def added(self) -> IntArray:

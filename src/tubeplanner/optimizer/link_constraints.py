@@ -47,15 +47,10 @@ def of_corners(
     closest: ClosestPoints,
     corner: IntArray,
 ) -> ClosestPoints:
-    """Return the closest points of pairs, some at a corner of the smaller shape.
+    """Return the closest points of E pairs, some at a corner of the smaller shape.
 
-    Args:
-        checker: The shapes.
-        poses: Of all bodies, rotation (E, bodies, 3, 3) and position (E, bodies, 3) [m].
-        pairs: Shape (E, 2).
-        closest: The closest points of the pairs.
-        corner: Number of the corner among the nearest, in the order of the shape's vertices, from
-            0 to 3; -1: the closest points stay. Shape (E,).
+    Poses are of all bodies. Corners are numbered among the nearest, in the order of the shape's
+    vertices, from 0 to 3; of a pair with -1 the closest points stay.
     """
     distance, first, second = (
         values.copy() for values in (closest.distance, closest.first, closest.second)
@@ -92,21 +87,6 @@ _RISEN_AT = 0.93
 # It rises from the end on, by this fraction of the mean slope: motions of solids along each other
 # are not certain to stay clear between samples.
 _LEAVING = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class AimedDistances:
-    """Distances that steps aim at for E pairs, each in a configuration of its own.
-
-    Attributes:
-        distance: Shape (E,) [m].
-        change: Derivatives of the distances by the joints, shape (E, n) [m/rad or 1].
-        strict: Added to the excess, shape (E,).
-    """
-
-    distance: FloatArray
-    change: FloatArray
-    strict: FloatArray
 
 
 class DistancesAlong:
@@ -260,8 +240,8 @@ class LinkConstraints:
         required, change = along.of_pairs(spline.grid, self._samples, at.position, self._pair)
         # Where the aimed distance is smaller, the merit function may ignore less of it.
         strict = (MERIT_TOLERANCE * (1 - spare / _INNER_MARGIN) - _ROUNDING).clip(min=0)
-        aim = AimedDistances(required + spare, change, strict)
-        return EvaluatedLinks(self._problem, at, pairs, aim, *poses, closest)
+        aim = (required + spare, change, strict)
+        return EvaluatedLinks(self._problem, at, pairs, *aim, *poses, closest)
 
     def on_other_knots(self, spline: PhasedSpline, other: PhasedSpline) -> "LinkConstraints":
         """Return the constraints for a spline on other knots, with samples at the same times."""
@@ -367,7 +347,9 @@ class EvaluatedLinks:
         problem: The planning problem.
         at: The spline at those instants.
         pairs: Indices of the shapes, shape (E, 2).
-        aim: The distances that steps aim at.
+        distance: That steps aim at, shape (E,) [m].
+        change: Its derivatives by the joints, shape (E, n) [m/rad or 1].
+        strict: Added to the excess, shape (E,).
         rotation: Of all bodies, shape (E, bodies, 3, 3).
         position: Of all bodies, shape (E, bodies, 3) [m].
         closest: The closest points of the pairs.
@@ -378,7 +360,9 @@ class EvaluatedLinks:
     problem: PlanningProblem
     at: SampledSpline
     pairs: IntArray
-    aim: AimedDistances
+    distance: FloatArray
+    change: FloatArray
+    strict: FloatArray
     rotation: FloatArray
     position: FloatArray
     closest: ClosestPoints
@@ -386,7 +370,7 @@ class EvaluatedLinks:
     @cached_property
     def excess(self) -> FloatArray:
         """Violation of each pair's distance, in units of 5 cm, shape (E,)."""
-        return self.aim.strict - self._slack
+        return self.strict - self._slack
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
         """Return the slack of all rows, the same for every duration, shape (E,)."""
@@ -408,11 +392,11 @@ class EvaluatedLinks:
         gradient = self.problem.collision.distance_gradient(
             self.rotation, self.position, self.pairs, self.closest
         )
-        by_joint: FloatArray = (self.aim.change - gradient)[:, None] / _UNIT
+        by_joint: FloatArray = (self.change - gradient)[:, None] / _UNIT
         return by_joint
 
     @property
     def _slack(self) -> FloatArray:
         """Distance of the pairs beyond the target distance, in units of 5 cm, shape (E,)."""
-        slack: FloatArray = (self.closest.distance - self.aim.distance) / _UNIT
+        slack: FloatArray = (self.closest.distance - self.distance) / _UNIT
         return slack

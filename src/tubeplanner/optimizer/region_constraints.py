@@ -23,7 +23,7 @@ from tubeplanner.limits.path_samples import LimitKey, PathSamples
 from tubeplanner.native.library import Doubles, Integers, native_function
 from tubeplanner.optimizer.phased_spline import SampledSpline
 from tubeplanner.optimizer.rows import INNER_MARGIN, Rows, StepSize, plane_rows
-from tubeplanner.optimizer.segment_runs import OrderedSegments
+from tubeplanner.optimizer.tube_phases import OrderedSegments
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- Vectors in regions, at samples of a spline: the tool's position or its rotation vector.

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
+from itertools import chain
 from typing import TypeAlias
 
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.geometry.tube.points import arc_lengths
-from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.path_samples import (
     CoulombFriction,
     LimitKey,
@@ -43,28 +43,8 @@ from tubeplanner.optimizer.rows import (
     Rows,
     StepSize,
 )
-from tubeplanner.optimizer.segment_runs import OrderedSegments, largest_kink
+from tubeplanner.optimizer.tube_phases import OrderedSegments, largest_kink
 from tubeplanner.task.problem import PlanningProblem
-
-# ---- Keys of a tube's tolerances among the limits.
-
-
-def tolerance_keys(tube: Tube) -> list[LimitKey]:
-    """Return the keys of all tolerances: regions, then rotation if bounded."""
-    of_rotation = [] if tube.rotation is None else rotation_keys(tube)
-    return [*(key for own in region_keys(tube) for key in own), *of_rotation]
-
-
-def region_keys(tube: Tube) -> list[list[LimitKey]]:
-    """Return the keys of the tolerances of every segment's region."""
-    count = tube.segment_count
-    return [[LimitKey(kind, segment=k) for kind in tube.regions.kinds(k)] for k in range(count)]
-
-
-def rotation_keys(tube: Tube) -> list[LimitKey]:
-    """Return the keys of the rotation tolerances of all segments."""
-    return [LimitKey("rotation", segment=k) for k in range(tube.segment_count)]
-
 
 # ---- All constraints of a spline at samples.
 
@@ -137,6 +117,7 @@ class SplineConstraints:
 
     Attributes:
         keys: Of all limits, in the order of their numbers.
+        links: The constraints on links, with the pairs that are watched.
     """
 
     def __init__(
@@ -153,18 +134,30 @@ class SplineConstraints:
         Args:
             problem: The planning problem.
             grid: The splines' knots.
-            links: The constraints on links, with the pairs that are watched already.
+            links: The constraints on links.
             radius: Of the tube's segments, shape (m,) [m].
             run_in: The duration in which splines are run [s]; None: the least that limits allow.
             slack: The fraction of the tube's regions that stays unused, shape (m,); None: none.
         """
         self._run_in, self._blended = run_in, BLENDED
-        self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
+        self._problem, self._grid, self.links, self._radius = problem, grid, links, radius
         limits = speed_limits(problem)
         self._goal_keys = goal_keys(problem)
+        tube, count = problem.tube, problem.tube.segment_count
         of_speed = [key for limit in limits for key in limit.keys]
-        self.keys = (*of_speed, *tolerance_keys(problem.tube), *self._goal_keys)
+        of_regions = [
+            [LimitKey(kind, segment=k) for kind in tube.regions.kinds(k)] for k in range(count)
+        ]
+        of_rotation = (
+            [] if tube.rotation is None else [LimitKey("rotation", segment=k) for k in range(count)]
+        )
+        self.keys = (*of_speed, *chain(*of_regions), *of_rotation, *self._goal_keys)
         self._numbers = {key: number for number, key in enumerate(self.keys)}
+        # The numbers of the regions' tolerances, by segment and kind, and of the rotation's.
+        self._tolerances = np.zeros((count, max(map(len, of_regions))), dtype=np.int64)
+        for own, keys in zip(self._tolerances, of_regions, strict=True):
+            own[: len(keys)] = self._numbers_of(keys)
+        self._rotation_tolerances = self._numbers_of(of_rotation)
         self._limits = [(limit, self._numbers_of(limit.keys)) for limit in limits]
         self._regions = problem.tube.regions_of(radius)
         # Between samples at a chain's kinks the motion needs a margin, in radii.
@@ -198,10 +191,6 @@ class SplineConstraints:
         has_changed = self._problem.robot.motors.has_coulomb_friction and intervals != self._blended
         self._blended = intervals
         return has_changed
-
-    def links_on(self, spline: PhasedSpline, other: PhasedSpline) -> LinkConstraints:
-        """Return the constraints on a spline's links, for the same spline on other knots."""
-        return self._links.on_other_knots(spline, other)
 
     def at(self, spline: PhasedSpline) -> Iterate:
         """Return a spline with its constraints at the samples."""
@@ -242,10 +231,6 @@ class SplineConstraints:
         parts = [constraint.slack(duration, squared_duration) for constraint in trial.constraints]
         return np.concatenate(parts)
 
-    def add_link_samples(self, spline: PhasedSpline) -> bool:
-        """Watch links where they come close; return True if a new pair is too close."""
-        return self._links.add_samples(spline)
-
     def between_samples(self, spline: PhasedSpline) -> Iterate:
         """Return a spline with its constraints at dense samples."""
         dense = self._dense_samples
@@ -253,7 +238,7 @@ class SplineConstraints:
 
     def add_samples_between(self, current: Iterate) -> tuple[Iterate, bool]:
         """Return a spline with its constraints at dense samples, and whether samples were added."""
-        has_more = self.add_link_samples(current.spline)
+        has_more = self.links.add_samples(current.spline)
         worst, dense = self.between_samples(current.spline), self._dense_samples
         tube, *_ = worst.regions
         if self._ask_for_missed(tube.vector):
@@ -291,7 +276,7 @@ class SplineConstraints:
         spacing = float(width / (len(_DENSE_SAMPLES) - 1))
         around = self._grid.samples_at(times, np.clip(x + _BESIDE * spacing, 0.0, 1.0))
         self._tube_samples = self._tube_samples.and_also(samples).and_also(around)
-        self._links.set_samples(spline, samples)
+        self.links.set_samples(spline, samples)
 
     def watch(self, spline: PhasedSpline, x: FloatArray) -> Samples:
         """Add samples of limits on the speed at instants (N,) from 0 to 1; return the samples."""
@@ -309,7 +294,7 @@ class SplineConstraints:
             for limit, numbers in self._limits
         )
         regions, rotations = self._tool_at(arm, tube_samples)
-        links = self._links.at(spline)
+        links = self.links.at(spline)
         elastic: list[EvaluatedRegions | EvaluatedRotation | EvaluatedLinks]
         elastic = [*regions, *rotations, links]
         squared_duration = max(float(limit.squared_durations.max()) for limit in limits)
@@ -368,20 +353,6 @@ class SplineConstraints:
             there = arm.at(self._passing_samples)
             evaluated.append(evaluated_points(tube, *there, regions, INNER_MARGIN, numbers))
         return tuple(evaluated), tuple(each for each in rotations if each.bounds_components)
-
-    @cached_property
-    def _tolerances(self) -> IntArray:
-        """The numbers of the regions' tolerances, by segment and kind, shape (m, kinds)."""
-        keys = region_keys(self._problem.tube)
-        numbers = np.zeros((len(keys), max(map(len, keys))), dtype=np.int64)
-        for k, own in enumerate(keys):
-            numbers[k, : len(own)] = self._numbers_of(own)
-        return numbers
-
-    @cached_property
-    def _rotation_tolerances(self) -> IntArray:
-        """The numbers of the rotation tolerances, shape (m,)."""
-        return self._numbers_of(rotation_keys(self._problem.tube))
 
 
 class _ArmAlong:

@@ -11,7 +11,6 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.certificate.verification import Certificate
 from tubeplanner.limits.path_samples import LimitKey
 from tubeplanner.limits.time_scaling import minimum_duration
-from tubeplanner.optimizer.auxiliary_tubes import widened_radius
 from tubeplanner.optimizer.descent import FIRST_PENALTY, Improved, SequentialProgram
 from tubeplanner.optimizer.link_constraints import LinkConstraints
 from tubeplanner.optimizer.motion_measures import objective_measures
@@ -26,6 +25,7 @@ from tubeplanner.optimizer.spline_constraints import (
 from tubeplanner.optimizer.starts import subdivided
 from tubeplanner.optimizer.step_objective import MeasuredObjective
 from tubeplanner.optimizer.step_search import TrustRegion
+from tubeplanner.optimizer.tube_phases import widened_radius
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import in_milliseconds
@@ -184,7 +184,7 @@ class Refinement(Stage):
                 self._best, self.gave_up = coarse, True
                 return True
             spline, trust = subdivided(coarse.spline, parts), _LATER_TRUST
-            links = self._program.constraints.links_on(coarse.spline, spline)
+            links = self._program.constraints.links.on_other_knots(coarse.spline, spline)
         self._begin_level(spline, links, widens=False)
         begun, is_near = self._begun(spline), self._divisions is None
         if _passed_through(begun) and not is_near:
@@ -200,7 +200,7 @@ class Refinement(Stage):
         self._radius = widened_radius(tube, spline.grid) if widens else tube.effective_radius
         self._program = SequentialProgram(self.problem, spline.grid, links, self._radius)
         self._program.constraints.blend(WIDELY_BLENDED)
-        self._program.constraints.add_link_samples(spline)
+        self._program.constraints.links.add_samples(spline)
         self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
@@ -234,7 +234,7 @@ class Refinement(Stage):
         for _ in range(_MAX_COARSE_ROUNDS):
             if _has_settled_inside(result):
                 break
-            if not self._program.constraints.add_link_samples(result.iterate.spline):
+            if not self._program.constraints.links.add_samples(result.iterate.spline):
                 break
             again = self._program.iterate(result.iterate.spline)
             result = self._improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
@@ -446,7 +446,7 @@ class SecondStage(Stage):
     def run(self) -> bool:
         """Improve the shortest motion; return True if there is an answer."""
         constraints, start = self._program.constraints, self._start
-        constraints.add_link_samples(start)
+        constraints.links.add_samples(start)
         first = TrustRegion(_SMOOTHING_TRUST, _FIRST_DAMPING)
         # Where wide blending needs more time than there is, friction is blended as in refinement.
         return self._improved(self._begun(start), first) or (

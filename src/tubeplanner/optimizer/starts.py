@@ -10,9 +10,8 @@ from tubeplanner.first_guess.branches import ReferenceBranch, end_configuration
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.segment_walk import wanted_at
 from tubeplanner.limits.tube_membership import tube_use
-from tubeplanner.optimizer.auxiliary_tubes import smoother_problem
 from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline, sampled
-from tubeplanner.optimizer.segment_runs import OrderedSegments, tube_chains
+from tubeplanner.optimizer.tube_phases import OrderedSegments, smoother_problem, tube_chains
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.polynomials import REST_POINTS, fitted_control_points, times_between

@@ -105,7 +105,7 @@ class TiedLegs:
         descent = Descent(programs, is_tied)
         for program, spline, ends_openly in zip(programs, splines, is_tied, strict=True):
             program.constraints.blend(BLENDED)
-            program.constraints.add_link_samples(spline)
+            program.constraints.links.add_samples(spline)
             if ends_openly:  # where links may touch
                 program.constraints.add_samples(spline, 1.0)
         begun = Improved(_iterates(programs, splines), TrustRegion(_FIRST_TRUST), FIRST_PENALTY)

@@ -11,11 +11,15 @@ import numpy as np
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import KnownBranches, ReferenceBranch, redundancy_rules
 from tubeplanner.limits.time_scaling import scaled_to_limits
-from tubeplanner.optimizer.auxiliary_tubes import smoother_problem, widened_radius
 from tubeplanner.optimizer.phased_spline import PhasedSpline
-from tubeplanner.optimizer.segment_runs import sharpest_bend, tube_chains
 from tubeplanner.optimizer.stages import Refinement, Stage, has_enough_knots, limit_sensitivities
 from tubeplanner.optimizer.starts import RefinedMotion, sufficient_start
+from tubeplanner.optimizer.tube_phases import (
+    sharpest_bend,
+    smoother_problem,
+    tube_chains,
+    widened_radius,
+)
 from tubeplanner.outcome import (
     Infeasible,
     PlanningClock,

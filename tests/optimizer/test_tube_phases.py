@@ -9,7 +9,7 @@ import pytest
 
 from tubeplanner import Tube
 from tubeplanner.optimizer.phased_spline import KnotGrid
-from tubeplanner.optimizer.segment_runs import (
+from tubeplanner.optimizer.tube_phases import (
     OrderedSegments,
     largest_kink,
     ordered_choice,
