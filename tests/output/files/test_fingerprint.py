@@ -11,7 +11,7 @@ import trimesh
 from small_cycle import small_cycle
 
 from tubeplanner import AttachedSolid, Obstacle, Seed, ToolPose, Tube, parse_problem, placement_of
-from tubeplanner.geometry import link_pairs
+from tubeplanner.geometry import collision_checker
 from tubeplanner.geometry import meshes as mesh_cover
 from tubeplanner.geometry import meshes as mesh_file
 from tubeplanner.geometry.convex_shapes import box
@@ -193,7 +193,7 @@ def cell(tmp_path, monkeypatch, rough_covers):
     bow.export(tmp_path / "fixture.stl")
     monkeypatch.setattr(mesh_file, "cover_mesh", lambda m: [mesh_cover.convex_hull(m.vertices)])
     monkeypatch.setattr(mesh_file, "OUTER_ERROR", 1.0)  # [m]: no cover is refined
-    monkeypatch.setattr(link_pairs, "TOUCH_SAMPLES", 1)
+    monkeypatch.setattr(collision_checker, "TOUCH_SAMPLES", 1)
     monkeypatch.setenv("TUBEPLANNER_CACHE", str(rough_covers))
     return tmp_path
 
