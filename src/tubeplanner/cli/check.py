@@ -140,12 +140,7 @@ def _where(
 
 
 def judged_by(name: str, problem: PlanningProblem, file: TrajectoryFile) -> ControllerVerdict:
-    """Return the verdict of a controller on a trajectory file.
-
-    Args:
-        name: An entry of `CONTROLLERS`.
-        problem: The planning problem.
-        file: The trajectory.
+    """Return the verdict of a controller, an entry of `CONTROLLERS`, on a trajectory file.
 
     Raises:
         OptionError: The controller is unknown, or for another arm.

@@ -33,11 +33,7 @@ from tubeplanner.resources import (
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command line and return its exit status.
-
-    Args:
-        arguments: Without the program's name.
-    """
+    """Run the command line on arguments without the program's name; return the exit status."""
     as_json, files = "--json" in arguments, console.AnswerFiles()
     try:
         with interrupts_remembered() as raise_pending:

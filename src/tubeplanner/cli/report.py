@@ -41,14 +41,7 @@ def plan_text(
     *,
     with_minimum: bool = False,
 ) -> str:
-    """Return the result of planning as text.
-
-    Args:
-        task: The problem or the cycle.
-        result: Its result.
-        loading_time: [s].
-        with_minimum: True to report the least time for the path, if motors switch instantly.
-    """
+    """Return the result of planning as text; with the least time for the path on request."""
     from tubeplanner.planning.result import CycleResult
 
     robot, of_cycle, peaks = task.robot, "", None
@@ -118,10 +111,7 @@ def _sorted_notes(
 ) -> tuple[list[str], list[str], list[str]]:
     """Return lines of notes before, beside and after an answer.
 
-    Args:
-        notes: Of the answer.
-        robot: The arm; joints that nothing holds back are named beside the answer.
-        doubts: On implausible values, to be read before the answer.
+    Doubts on implausible values are read before; joints that nothing holds back, beside.
     """
     lines: tuple[list[str], list[str], list[str]] = ([], [], [])
     beside = unlimited_notes(robot)
@@ -145,12 +135,7 @@ def _minimum_lines(problem: PlanningProblem, result: "PlanResult") -> list[str]:
 
 
 def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
-    """Return a line of a trajectory's peaks, and a line of missing limits if there are any.
-
-    Args:
-        robot: The arm.
-        peaks: Peaks of a trajectory.
-    """
+    """Return a line of a trajectory's peaks, and a line of missing limits if there are any."""
     lines = [f"peaks: {peaks}"]
     free = {quantity: robot.limits.unlimited(quantity) for quantity in ("acceleration", "jerk")}
     unlimited = [quantity for quantity, joints in free.items() if len(joints) > 0]

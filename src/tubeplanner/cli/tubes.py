@@ -289,12 +289,7 @@ def _print_answer(
 
 
 def tube_text(name: str, answer: TubeAnswer) -> str:
-    """Return the result of a search for a tube as text.
-
-    Args:
-        name: Name of the problem.
-        answer: The result.
-    """
+    """Return the result of a search for a tube as text, after the name of the problem."""
     lines = [f"{name}: searched for {answer.search_time:.1f} s"]
     if answer.compared:
         listed = [

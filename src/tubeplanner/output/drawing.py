@@ -318,12 +318,10 @@ _FLAT = 0.02  # of the longest side
 def best_direction(
     path: FloatArray, solids: Sequence[ConvexShape], arms: Sequence[Sequence[ConvexShape]] = ()
 ) -> FloatArray:
-    """Return the unit vector (3,) from the path towards the viewer, never from below.
+    """Return the unit vector (3,) from a path (N, 3) towards the viewer, never from below.
 
-    Args:
-        path: Of the tool, shape (N, 3) [m].
-        solids: Solids that may hide the path, in the base frame; they count as translucent.
-        arms: Hulls that hide the path at successive times; they count as opaque.
+    Solids in the base frame hide the path half, as they are drawn translucent; hulls of arms at
+    successive times hide the path whole.
     """
     standing = _hulls(solids)
     moving = [_hulls(arm) for arm in arms]
@@ -377,10 +375,9 @@ def outline(points: FloatArray) -> FloatArray:
 
 
 def floor_grid(points: FloatArray) -> tuple[FloatArray, float]:
-    """Return a grid under points (N, 3), at height 0 or lower: edges and their length.
+    """Return edges (E, 2, 3) [m] of a grid under points (N, 3), at height 0 or lower.
 
-    Returns:
-        Ends of edges, shape (E, 2, 3) [m], and the length 0.1, 0.5, 1, 5, ... [m].
+    Also their length: 0.1, 0.5, 1, 5, ... [m].
     """
     size = float(np.ptp(points[:, :2], axis=0).max())
     step = next(s for k in range(-1, 9) for s in (10.0**k, 5 * 10.0**k) if size <= _CELLS * s)

@@ -135,9 +135,7 @@ class ExecutedPaths:
 def executed_paths(tools: ToolRuns, steps: int) -> ExecutedPaths:
     """Return the paths of the runs that go farthest out, of at most 200 runs.
 
-    Args:
-        tools: Positions of the tool.
-        steps: Least number of lines of each path, if there are as many samples.
+    Each has at least a number of lines, if there are as many samples.
     """
     order = np.argsort(tools.tube.runs.min(axis=1), kind="stable")[:_MAX_PATHS]
     count = tools.runs.shape[1] - 1

@@ -42,10 +42,6 @@ def read_visual_mesh(
 ) -> list[tuple[Color | None, Surface]]:
     """Return a mesh file's parts with their colours; None where the file has no colour.
 
-    Args:
-        path: STL, OBJ, DAE or another format that trimesh reads.
-        scale: A factor, or a factor per axis.
-
     Raises:
         RobotError: The file is no readable mesh.
     """
@@ -93,10 +89,6 @@ def simplified(surfaces: Sequence[Surface], max_faces: int) -> list[Surface]:
     """Return surfaces with few triangles in total, and vertices doubled at sharp edges.
 
     Vertices in the same cell of a grid become one vertex, in the smallest cells that suffice.
-
-    Args:
-        surfaces: Of one robot.
-        max_faces: Largest number of triangles in total.
     """
     cell = _MIN_CELL
     while True:

@@ -357,15 +357,9 @@ _COLUMNS = 250  # of the saturation panel
 
 
 def draw_margin(axis: "Axes", band: Band, label: str, least: float = 0.0) -> None:
-    """Draw the margin to a tolerance, in another colour where a run exceeds the tolerance.
+    """Draw the margin [m or rad] to a tolerance, in another colour where a run exceeds it.
 
-    The panel ends where the margin is large.
-
-    Args:
-        axis: Of the panel.
-        band: In m or rad.
-        label: Of the axis, in mm or mrad.
-        least: Required margin, in m or rad.
+    The label is in mm or mrad. The panel ends where the margin is large.
     """
     draw_band(axis, band, label, least)
     bound = _MILLI * least
@@ -379,13 +373,9 @@ def draw_margin(axis: "Axes", band: Band, label: str, least: float = 0.0) -> Non
 
 
 def draw_band(axis: "Axes", band: Band, label: str, least: float = -np.inf) -> None:
-    """Draw the plan as a line, all runs and half of the runs as bands.
+    """Draw the plan as a line, all runs and half of the runs as bands [m or rad].
 
-    Args:
-        axis: Of the panel.
-        band: In m or rad.
-        label: Of the axis, in mm or mrad.
-        least: In m or rad; values below have another colour.
+    The label is in mm or mrad. Values below the least have another colour.
     """
     bound = _MILLI * least
     for fractions, alpha, name in _BANDS:
@@ -408,14 +398,7 @@ def draw_band(axis: "Axes", band: Band, label: str, least: float = -np.inf) -> N
 def draw_saturation(
     axis: "Axes", robot: RobotModel, time: FloatArray, is_saturated: BoolArray
 ) -> None:
-    """Draw the percentage of R runs with a motor at its limit, a row per joint.
-
-    Args:
-        axis: Of the panel.
-        robot: Names the rows.
-        time: Shape (K,) [s].
-        is_saturated: Shape (R, K, n).
-    """
+    """Draw the percentage of R runs with a motor at its limit, (R, K, n), a row per joint."""
     from matplotlib.colors import LinearSegmentedColormap
 
     colors = LinearSegmentedColormap.from_list("white to red", ["#FFFFFF", WARNING_COLOR])

@@ -112,13 +112,7 @@ class FigureGrid:
 
 
 def figure_grid(strip_rows: int, panels: int, *, has_motors: bool) -> FigureGrid:
-    """Return a figure with empty panels.
-
-    Args:
-        strip_rows: Rows of the strip.
-        panels: Number of curves over time.
-        has_motors: True for a part for motors.
-    """
+    """Return a figure with empty panels: a strip of rows, curves over time, space, motors."""
     rows = -(-(panels + _MIN_SPACE) // 2)
     heights = [_ABOVE_STRIP + _STRIP_ROW * strip_rows, _PANEL * rows]
     heights += [_MOTORS] * has_motors

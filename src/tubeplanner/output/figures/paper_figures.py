@@ -86,13 +86,7 @@ def speeds_figure(reproduction: Reproduction) -> "Figure":
 
 
 def line_figure(reproduction: Reproduction, table: PrintedLine, name: str) -> "Figure":
-    """Draw figure 8 or 9: tool paths, b(t) and torques for several tolerances.
-
-    Args:
-        reproduction: All plans.
-        table: The line, and the tolerances to draw.
-        name: Of the figure.
-    """
+    """Draw figure 8 or 9: tool paths, b(t) and torques for several tolerances."""
     figure = new_figure(17.0, 8.6)
     figure.suptitle(f"{name}: example {table.example}'s line at several tolerances")
     axes = figure.subplots(2, 4, width_ratios=(1.1, 1, 1, 1))

@@ -108,10 +108,9 @@ def _draw_links(
     position: FloatArray,
     solids: Sequence[tuple[int, Surface, FloatArray]],
 ) -> FloatArray:
-    """Draw all links, and solids by body and colour, darker on moving bodies; return the vertices.
+    """Draw all links, and solids by body and colour; return the vertices (N, 3) [m].
 
-    Returns:
-        Shape (N, 3) [m].
+    Moving bodies are darker.
     """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 

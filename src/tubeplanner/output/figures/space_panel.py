@@ -159,13 +159,9 @@ _FIRST_LINK = 1e-9  # a link this near to its body's frame is the one that the j
 def arm_solids(
     robot: RobotModel, q: FloatArray, carried: Sequence[Sequence[AttachedSolid]], strong: int
 ) -> list[RenderedSolid]:
-    """Return the arm in several configurations, a single configuration in full colour.
+    """Return the arm in configurations (N, n) with the parts that it carries in each.
 
-    Args:
-        robot: The arm.
-        q: The configurations, shape (N, n).
-        carried: Parts that it carries in each.
-        strong: Index of the configuration that is not pale; static links are there once, with it.
+    The strong one has full colours, the others are pale; static links are there once, with it.
     """
     parts, _ = link_parts(robot, _MAX_FACES // len(q))
     tool_body, links = robot.link_body[robot.tool_frame], []
@@ -197,13 +193,8 @@ def obstacle_solids(
 ) -> list[RenderedSolid]:
     """Return the obstacles in or beside a box; parts that are handed over in their own colour.
 
-    Obstacles larger than the box are cut, at its sides or at the end of the outermost other.
-
-    Args:
-        obstacles: All obstacles.
-        handed_over: Names of obstacles that the arm takes.
-        low: Least corner of the box, shape (3,) [m].
-        high: Opposite corner of the box, shape (3,) [m].
+    Obstacles larger than the box, with corners (3,) [m], are cut, at its sides or at the end of
+    the outermost other.
     """
     surfaces = [(each.name, joined(map(shape_surface, each.shapes))) for each in obstacles]
     size = float((high - low).max())
@@ -237,9 +228,7 @@ def obstacle_solids(
 def tube_solids(tube: Tube, colors: Sequence[str] | None = None) -> list[RenderedSolid]:
     """Return the skin of a tube, by groups of segments as in other panels.
 
-    Args:
-        tube: The tube.
-        colors: Of the groups; None: the colours of segments in turn.
+    Without colours of the groups they have the colours of segments in turn.
     """
     step = segments_per_group(tube.segment_count)
     groups = range(0, tube.segment_count, step)
@@ -271,14 +260,7 @@ _NAMES = ("x [m]", "y [m]", "z [m]")
 
 
 def draw_frame(axis: "Axes", view: SpaceView, low: FloatArray, high: FloatArray) -> None:
-    """Draw the floor of a box, and its coordinates.
-
-    Args:
-        axis: The panel, its coordinates those of the page.
-        view: Direction of sight.
-        low: Least corner of the box, shape (3,) [m].
-        high: Opposite corner of the box, shape (3,) [m].
-    """
+    """Draw the floor of a box with corners (3,) [m], and its coordinates, on the page."""
     axis.set_aspect("equal")
     if view.is_from_above:
         around = _AROUND * (high - low).max()

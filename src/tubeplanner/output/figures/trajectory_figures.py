@@ -165,14 +165,9 @@ _LINE = 0.02  # height of a line of text, of the panel
 def mark_moves(
     axis: "Axes", timeline: Timeline, duration: float, *, names: bool, letter: float = _LETTER
 ) -> None:
-    """Shade a panel over time by moves, name moves on request, and mark stops and their steps.
+    """Shade a panel until a time [s] by moves, name moves on request, and mark stops and steps.
 
-    Args:
-        axis: The panel.
-        timeline: Moves and stops.
-        duration: End of the panel [s].
-        names: True to name moves.
-        letter: Width of a letter of a name, as a fraction of the panel.
+    A letter of a name is as wide as a fraction of the panel.
     """
     for band in timeline.bands:
         axis.axvspan(band.begin, band.end, color=band.color, alpha=0.10, linewidth=0, zorder=0)

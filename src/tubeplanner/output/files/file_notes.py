@@ -28,12 +28,9 @@ _COLUMNS_SHOWN = 20
 
 
 def notes_on_file(task: Task, file: TrajectoryFile, *, failed: bool = False) -> list[str]:
-    """Return notes on interpolation, origin and likely mistakes.
+    """Return notes on interpolation, origin and likely mistakes; more if the certificate failed.
 
-    Args:
-        task: The problem or the cycle.
-        file: Its trajectory has the joints of the task, in any order.
-        failed: True if its certificate failed.
+    The file has the joints of the task, in any order.
     """
     if isinstance(task, Cycle):  # files of cycles are ours
         return _notes_on_origin(task, file)
@@ -66,12 +63,7 @@ def _notes_on_still_joints(robot: RobotModel, still: Mapping[str, float]) -> Ite
 
 
 def unit_guesses(problem: PlanningProblem, file: TrajectoryFile) -> list[str]:
-    """Return questions on units in which a file makes sense for the problem; nothing is converted.
-
-    Args:
-        problem: The planning problem.
-        file: Its trajectory has the problem's joints, in any order.
-    """
+    """Return questions on units in which a file makes sense for the problem."""
     robot, guesses = problem.robot, []
     motion = file.trajectory.reordered(robot.joint_names)
     q = motion.position(motion.breakpoints)
@@ -140,14 +132,7 @@ def motion_notes(
 ) -> tuple[Motion, Certificate | CycleCertificate, list[str]]:
     """Return a motion that is shown, its certificate, as of `check`, and notes.
 
-    Args:
-        task: The problem or cycle under which the motion is shown.
-        path: Of its file.
-        name: Name of the motion.
-        file: Content of its file.
-
-    Returns:
-        The motion, its certificate, and notes: the verdict, then notes on the file.
+    The first note is the verdict, then come notes on the file.
 
     Raises:
         TrajectoryError: The motion has other joints than the problem, or as `motion_of_file`.

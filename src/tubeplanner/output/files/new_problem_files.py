@@ -50,14 +50,9 @@ def starter_text(
     folder: Path,
     xacro_args: Mapping[str, str] | None = None,
 ) -> str:
-    """Return the contents of a problem file.
+    """Return the contents of a problem file in a folder, to which its paths are relative.
 
-    Args:
-        starter: The problem.
-        urdf: Its URDF as named by the user, relative to the working folder.
-        package_dirs: Further folders with packages, relative to the working folder.
-        folder: Folder of the file, to which its paths are relative.
-        xacro_args: Values of the arguments of the URDF, by name.
+    The URDF and the folders with packages are named relative to the working folder.
     """
     lines = [
         f"## {starter.info.name}: a first problem, which was planned before it was written.",
@@ -229,14 +224,7 @@ def read_cell(
     template: str | None,
     changes: Mapping[str, Any] | None = None,
 ) -> Cell:
-    """Return the cell of a problem file, or of a robot and a file of obstacles.
-
-    Args:
-        urdf: As `robot.urdf`; None with a template.
-        tool_frame: As `robot.tool_frame`; None with a template.
-        obstacles: A file of obstacles; None: none.
-        template: Problem file; None with a robot.
-        changes: Other values of the problem file, by field path.
+    """Return the cell of a problem file, the template, or of a robot and a file of obstacles.
 
     Raises:
         ProblemError: A file cannot be read, or a path leads nowhere.
@@ -314,10 +302,7 @@ def notes_on_dropped(
 ) -> list[str]:
     """Return a note on the fields of a replaced tube, start and goal that are not kept, if any.
 
-    Args:
-        replaced: The fields of each, by its name.
-        fields_kept: Names of fields of the tube that the new tube has.
-        reason: The reason, a clause.
+    The reason is a clause.
     """
     dropped = [
         f"{part}.{key}"

@@ -59,17 +59,11 @@ def samples_for_export(
 ) -> ExportSamples:
     """Return samples that pass `check`: of the trajectory itself, averaged, or slowed down.
 
-    Args:
-        problem: The planning problem.
-        trajectory: A certified answer, in the problem's joint order.
-        rate: [Hz].
-
-    Returns:
-        If nothing passes, samples of the trajectory itself; the note says which conditions fail,
-        and whether the trajectory itself fails them.
+    If nothing passes, samples of the trajectory itself; the note says which conditions fail, and
+    whether the trajectory, in the joint order of the problem, itself fails them.
 
     Raises:
-        TrajectoryError: The rate is not positive, or makes too many samples.
+        TrajectoryError: The rate [Hz] is not positive, or makes too many samples.
     """
     samples = trajectory.sample(rate)
     failures = _failures(problem, _joined(trajectory, samples))
@@ -228,11 +222,7 @@ class MotionSamples:
 
 
 def motion_samples(motion: Motion, rate: float) -> MotionSamples:
-    """Return samples of a motion's sections that keep their limits when joined.
-
-    Args:
-        motion: A certified answer.
-        rate: [Hz].
+    """Return samples of a motion's sections at a rate [Hz] that keep their limits when joined.
 
     Raises:
         TrajectoryError: The rate is not positive, or makes too many samples.

@@ -110,11 +110,7 @@ def write_trajectory(
     problem: PlanningProblem | None = None,
     rate: float | None = None,
 ) -> tuple[str, ...]:
-    """Write a trajectory to a file, as `JointTrajectory.save` documents.
-
-    Returns:
-        Notes about the samples.
-    """
+    """Write a trajectory, as `JointTrajectory.save` documents; return notes on samples."""
     if problem is None:
         return _write(path, trajectory, rate)
     if not isinstance(problem, PlanningProblem):
@@ -203,12 +199,7 @@ def _ros_text(exported: ExportedMotion) -> str:
 
 
 def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
-    """Return a trajectory file.
-
-    Args:
-        trajectory: The trajectory.
-        more: Further keys, such as `method`.
-    """
+    """Return a trajectory file with further keys, such as `method`."""
     fields = {
         "format": TRAJECTORY_FORMAT,
         "version": TRAJECTORY_VERSION,
@@ -225,11 +216,6 @@ def trajectory_csv(
     joint_names: Sequence[str], samples: TrajectorySamples, effort: FloatArray | None = None
 ) -> str:
     """Return samples as CSV: time, positions, velocities, accelerations and, if known, efforts.
-
-    Args:
-        joint_names: In the order of the samples.
-        samples: The samples.
-        effort: At the samples, shape (N, n) [N m or N]; None: without effort columns.
 
     Raises:
         OutputError: A joint's name would be a formula to spreadsheets.
@@ -251,11 +237,7 @@ def trajectory_csv(
 
 
 def require_no_formula(joint_names: Sequence[str]) -> None:
-    """Raise an error if spreadsheets take a joint's column for a formula.
-
-    Raises:
-        OutputError: A name begins as a formula does, which spreadsheets would run.
-    """
+    """Raise OutputError if a joint's name begins as a formula, which spreadsheets would run."""
     for name in joint_names:
         if name.lstrip().startswith(FORMULA_BEGINS):
             raise OutputError(
@@ -265,13 +247,7 @@ def require_no_formula(joint_names: Sequence[str]) -> None:
 
 
 def trajectory_ros(joint_names: Sequence[str], samples: TrajectorySamples, *comments: str) -> str:
-    """Return samples as a trajectory_msgs/JointTrajectory in YAML, without efforts.
-
-    Args:
-        joint_names: In the order of the samples.
-        samples: The samples.
-        comments: Sentences, written first as YAML comments.
-    """
+    """Return samples as a trajectory_msgs/JointTrajectory in YAML, without efforts."""
     lines = [f"# {comment}" for comment in comments]
     lines += ["joint_names:", *(f"- {json.dumps(name)}" for name in joint_names)]
     lines.append("points:")

@@ -32,9 +32,6 @@ def view_explanation(explanation: Explanation) -> View:
     Without an answer the arm is where it is blocked, the blocking solids have a colour of their
     own, and the place is marked; with an answer, the arm follows the motion.
 
-    Args:
-        explanation: The explanation.
-
     Raises:
         OptionError: The tube contradicts itself and cannot be drawn.
         RobotError: The robot's geometry is of a kind no URDF has.
@@ -114,12 +111,7 @@ _MAX_SEEDS = 20
 
 
 def blocked_arm(problem: PlanningProblem, explanation: Explanation) -> ShownTrajectory | None:
-    """Return the arm where a problem without an answer is blocked; None if that is not known.
-
-    Args:
-        problem: The problem to be drawn.
-        explanation: Its explanation.
-    """
+    """Return the arm where a problem without an answer is blocked; None if that is not known."""
     robot, q = problem.robot, explanation.configuration
     if q is not None:
         return poses_standing(robot, "where it is blocked", q)
@@ -152,10 +144,7 @@ def contact_point(
 ) -> FloatArray | None:
     """Return the midpoint between the two solids of a place, (3,) [m]; None without two solids.
 
-    Args:
-        problem: The planning problem.
-        location: Place of the blockage.
-        q: The configuration there, shape (n,); None: not known.
+    The configuration there, (n,), is None if it is not known.
     """
     names = [*(location.links or ()), *([location.obstacle] if location.obstacle else [])]
     if q is None or len(names) != 2:
@@ -186,14 +175,10 @@ def with_blocked(
     contact: FloatArray | None,
     thickness: float,
 ) -> tuple[Item, ...]:
-    """Return the items of a scene, with blocking solids coloured and the place marked.
+    """Return the items of a problem's scene, with blocking solids coloured and the place marked.
 
-    Args:
-        items: Of the problem's scene.
-        problem: The problem.
-        location: Place of the blockage.
-        contact: Midpoint between the blocking solids, (3,) [m]; None: not known.
-        thickness: Radius of drawn lines [m].
+    The midpoint (3,) [m] between the solids is None if it is not known; the thickness is the
+    radius of drawn lines [m].
     """
     names = {*(location.links or ()), location.obstacle}
     joints = problem.robot.joint_names

@@ -273,12 +273,7 @@ def tool_items(
 ) -> list[Item]:
     """Return the tool's path, coloured by its speed, and a point at the tool.
 
-    Args:
-        i: Index of the trajectory.
-        trajectory: Poses of the arm.
-        robot: The arm.
-        thickness: Radius of the path [m].
-        fastest: The speed of the brightest colour [m/s].
+    The radius of the path is in m; the fastest speed [m/s] has the brightest colour.
     """
     body = robot.link_body[robot.tool_frame]
     center = (trajectory.tool[0] - trajectory.position[0, body]) @ trajectory.rotation[0, body]
@@ -303,10 +298,7 @@ def swept_surface(
 ) -> Surface:
     """Return the space swept by moving links: hulls of each in successive pairs of poses.
 
-    Args:
-        trajectory: The poses.
-        hulls: Bodies, and points (V, 3) of their hulls.
-        steps: Number of poses.
+    The hulls are bodies with points (V, 3) of each.
     """
     rows = np.linspace(0, len(trajectory.time) - 1, steps).round().astype(int)
     pieces = []
@@ -363,13 +355,8 @@ def tool_orientation(
 ) -> tuple[ShownTrajectory, list[Item]]:
     """Return a motion with its cones as bodies, and the items of the tool's orientation.
 
-    Args:
-        i: Index of the motion.
-        robot: The arm.
-        tubes: Of the motion.
-        sections: Of the motion; none: the arm rests, and cones are at the reference points.
-        shown: Poses of the arm.
-        thickness: Radius of drawn lines [m].
+    Without sections the arm rests, and cones are at the reference points of the tubes. The
+    thickness is the radius of drawn lines [m].
     """
     cones = rotation_cones(sections, shown)
     bounds = [row for tube in tubes if tube.rotation for row in tube.rotation.bounds]

@@ -168,11 +168,8 @@ def _layer_data(
 ) -> dict[str, Any]:
     """Return a layer's name, label, colours and its visibility when the page opens.
 
-    Args:
-        layer: The layer.
-        scene: The scene.
-        words: Labels of layers that differ between scenes.
-        entries: Colours of layers with several colours, and their meanings.
+    Words are labels of layers that differ between scenes; entries, several colours of a layer and
+    their meanings.
     """
     pointers = [item.name for item in scene.items if item.name.startswith(POINTER)]
     axes = " or ".join(dict.fromkeys(name.removeprefix(POINTER) for name in pointers))
@@ -254,9 +251,7 @@ _WORDS = {"obstacles": "to obstacles", "self_collision": "between links"}
 def page_curves(sections: Sequence[LimitedSection], time: FloatArray) -> dict[str, Any]:
     """Return the limit on the tool's speed, the use of limits and the clearance, if any.
 
-    Args:
-        sections: Of one motion.
-        time: At equal steps from its begin to its end, shape (K,) [s].
+    Times (K,) [s] are at equal steps from the begin of the sections' motion to its end.
     """
     limit = np.full(len(time), np.inf)  # on the tool's speed in the segment of each time [m/s]
     for section in sections:

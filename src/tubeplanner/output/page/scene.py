@@ -61,12 +61,9 @@ class SceneFrame:
 
 
 def scene_frame(points: Sequence[FloatArray], direction: FloatArray, count: int) -> SceneFrame:
-    """Return the frame of a scene.
+    """Return the frame of a scene with a number of trajectories side by side.
 
-    Args:
-        points: Extent of one trajectory, each (N, 3) [m].
-        direction: From the scene towards the viewer, unit vector (3,).
-        count: Number of trajectories side by side.
+    Points, each (N, 3) [m], are the extent of one; the direction is towards the viewer.
     """
     extent = np.vstack(points)
     # Side by side in this view: along x or y, whichever lies more across the line of sight.
@@ -254,11 +251,7 @@ def direction_of(
 ) -> FloatArray:
     """Return the direction from which path and tube are seen best, as `best_direction`.
 
-    Args:
-        trajectory: Poses of the arm.
-        points: Of the middle lines of tubes, each (N, 3) [m].
-        obstacles: Static solids.
-        hulls: Bodies, and points (V, 3) of their hulls.
+    Points, each (N, 3) [m], are of the middle lines of tubes; hulls are bodies with points (V, 3).
     """
     solids = [shape for obstacle in obstacles for shape in obstacle.shapes]
     arms = []
@@ -342,11 +335,8 @@ def moved_parts(
 ) -> list[MovedPart]:
     """Return the parts that a cycle's steps hand over; none of a problem.
 
-    Args:
-        task: The problem or the cycle.
-        marks: Begins of its steps; none: nothing is handed over yet.
-        time: Shape (T,), the times of all marks among them [s].
-        tool: Pose of the tool frame at these times, base frame, shape (T, 4, 4).
+    Marks are the begins of its steps; without any nothing is handed over yet. Times (T,) [s] have
+    those of all marks among them; the tool frame has poses (T, 4, 4) in the base frame.
     """
     if not isinstance(task, Cycle):
         return []

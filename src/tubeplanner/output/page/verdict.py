@@ -32,12 +32,7 @@ def with_verdict(
 ) -> dict[str, Any]:
     """Return a panel with the verdicts of its motions, their peaks, and facts on robot and plan.
 
-    Args:
-        panel: The panel, as JSON values.
-        task: The problem or the cycle.
-        motions: The motions of the panel, in its order.
-        certificates: Their certificates; none: there is no verdict.
-        sensitivities: Costs of limits, the largest first; none: not known.
+    Without certificates there is no verdict; of costs of limits the largest comes first.
     """
     if not motions:  # the arm at rest
         return panel

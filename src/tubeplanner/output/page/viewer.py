@@ -46,13 +46,7 @@ _SCRIPTS = (
 
 
 def page_html(title: str, panel: Mapping[str, Any], commands: Iterable[Mapping[str, Any]]) -> str:
-    """Return a page that needs no network.
-
-    Args:
-        title: Of the window.
-        panel: Content of the panel, as JSON values.
-        commands: Commands of meshcat that build the scene, in order.
-    """
+    """Return a page that needs no network: its panel, and the meshcat commands of its scene."""
     import meshcat
     import umsgpack
 
