@@ -148,7 +148,7 @@ def test_every_field_has_a_description_and_durations_their_unit():
         (with_step("go"), rf"moves\[1\] is 'go'; {KIND}"),
         (with_step({"payload": 1}), rf"moves\[1\] is \{{'payload': 1\}}; {KIND}"),
         (with_(None, moves={"a": 1}), r"moves is \{'a': 1\}; it must be a list"),
-        (with_(None, goal={}), f"top level: unknown key 'goal' .*: {TOP}$"),
+        (with_(None, goal={}), f"top level: unknown key 'goal'; .*: {TOP}$"),
         (with_(None, tube={"radius": 1}), "top level: unknown key 'tube'"),
         (with_(None, closed="y"), "closed is 'y'; it must be true or false"),
         (with_(None, format="tubeplanner/problem"), "format is 'tubeplanner/problem'; it must be"),
