@@ -44,17 +44,7 @@ def in_figures(value: Any) -> str:
 
 
 def require_count(options: object, least: int, *names: str, most: int | None = None) -> None:
-    """Raise unless options are whole numbers within bounds.
-
-    Args:
-        options: Object whose attributes are checked.
-        least: Smallest allowed value.
-        *names: Names of the attributes.
-        most: Largest allowed value; None: no upper bound.
-
-    Raises:
-        OptionError: An option is no whole number, or out of bounds.
-    """
+    """Raise OptionError unless attributes of options are whole numbers within bounds."""
     bounds = f">= {least}" + ("" if most is None else f" and <= {most}")
     for name in names:
         value = getattr(options, name)
@@ -67,17 +57,9 @@ def require_count(options: object, least: int, *names: str, most: int | None = N
 def require_between(
     options: object, above: float, below: float | None, *names: str, unit: str = ""
 ) -> None:
-    """Raise unless options are numbers strictly within bounds.
+    """Raise OptionError unless attributes of options are numbers strictly within bounds.
 
-    Args:
-        options: Object whose attributes are checked.
-        above: Lower bound, excluded.
-        below: Upper bound, excluded; None: infinity is allowed.
-        *names: Names of the attributes.
-        unit: Unit of all options.
-
-    Raises:
-        OptionError: An option is no number, or out of bounds.
+    With None as upper bound infinity is allowed.
     """
     upper = {None: "", inf: " and finite"}.get(below, f" and < {below}")
     bounds = f"> {above}{upper}"
@@ -104,16 +86,7 @@ _Kind = TypeVar("_Kind")
 
 
 def checked_options(value: object, kind: type[_Kind], label: str = "options are") -> _Kind:
-    """Return options, or the default ones of their class.
-
-    Args:
-        value: The options; None: the default ones.
-        kind: Class of the options.
-        label: Begin of the message.
-
-    Raises:
-        OptionError: The options are of another kind.
-    """
+    """Return options, or the default ones of their class for None."""
     if value is None:
         return kind()
     if not isinstance(value, kind):
@@ -122,16 +95,7 @@ def checked_options(value: object, kind: type[_Kind], label: str = "options are"
 
 
 def checked_row(name: str, value: object, of: str) -> list[Any]:
-    """Return a list, tuple, range or array as a list.
-
-    Args:
-        name: Name of the argument in the message.
-        value: The list, tuple, range or array.
-        of: Noun for the members.
-
-    Raises:
-        OptionError: The argument is of another kind.
-    """
+    """Return a list, tuple, range or array as a list; messages name its members by a noun."""
     if isinstance(value, np.ndarray) and value.ndim > 0:
         return list(value.tolist())
     if not isinstance(value, list | tuple | range):
@@ -149,11 +113,7 @@ def require_executor(executor: object) -> None:
 
 
 def checked_path(name: str, value: object) -> Path:
-    """Return an argument as a path.
-
-    Raises:
-        OptionError: The argument is neither text nor a path.
-    """
+    """Return an argument as a path."""
     if not isinstance(value, str | os.PathLike):
         raise OptionError(f"{name} is {shown(value)}; give a path")
     return Path(value)

@@ -141,11 +141,7 @@ def find_preset(name: str | Path, directory: Path) -> Path:
 
 
 def find_limits_file(name: str, directory: Path, package_dirs: PackageDirs = ()) -> Path:
-    """Return the path of a file of joint limits: a path, `file://`, or `package://PACKAGE/...`.
-
-    Raises:
-        RobotError: The file does not exist.
-    """
+    """Return the path of a file of joint limits: a path, `file://`, or `package://PACKAGE/...`."""
     return _find_named("robot.limits_file", name, directory, package_dirs)
 
 

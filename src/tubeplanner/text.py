@@ -23,15 +23,6 @@ def require_name(what: str, name: object, error: type[TubePlannerError]) -> str:
 
     Control characters and marks that turn the direction of writing are refused: a terminal would
     show other text after them.
-
-    Args:
-        what: Field of the name in the message, such as "joint_names[0]".
-        name: The name.
-        error: Class of the error.
-
-    Raises:
-        TubePlannerError: Of that class: the name is no text, empty, too long, or holds a character
-            that cannot be shown.
     """
     if not isinstance(name, str) or not name:
         raise error(f"{what} is {shown(name)}; a name must be text that is not empty")
@@ -147,11 +138,7 @@ def csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
 
 
 def without_formulas(table: str) -> str:
-    """Return CSV with an apostrophe before every cell that a spreadsheet would take for a formula.
-
-    Args:
-        table: CSV with lines that end in a newline alone.
-    """
+    """Return CSV with an apostrophe before cells that a spreadsheet would take for a formula."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     for row in csv.reader(io.StringIO(table, newline="")):

@@ -54,14 +54,7 @@ class StagedFile:
     """
 
     def __init__(self, target: Path) -> None:
-        """Make the staged file, empty, and readable for its owner alone.
-
-        Args:
-            target: The file to replace; no link.
-
-        Raises:
-            OSError: The file cannot be made, or another process writes it for longer than 5 s.
-        """
+        """Make the staged file, empty, and readable for its owner alone."""
         self._target, self._path = target, temporary_path(target)
         self._descriptor: int | None = _new_file(self._path)
 
@@ -75,11 +68,7 @@ class StagedFile:
             self._close()
 
     def write(self, data: bytes, mode: int | None = None) -> None:
-        """Write the content, and set the mode unless None.
-
-        Raises:
-            OSError: The content cannot be written.
-        """
+        """Write the content, and set the mode unless None."""
         assert self._descriptor is not None
         rest = memoryview(data)
         while rest:
@@ -88,20 +77,12 @@ class StagedFile:
             os.fchmod(self._descriptor, mode)
 
     def sync(self) -> None:
-        """Wait until the content is on the disk.
-
-        Raises:
-            OSError: The disk fails; some disks report only here that they are full.
-        """
+        """Wait until the content is on the disk."""
         assert self._descriptor is not None
         os.fsync(self._descriptor)
 
     def put(self) -> None:
-        """Replace the target.
-
-        Raises:
-            OSError: The system refuses.
-        """
+        """Replace the target."""
         self._path.replace(self._target)
         self._close()
 
@@ -182,16 +163,7 @@ _REMEDIES = {
 
 
 def require_writable(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
-    """Raise unless files can be written, before work is spent on their contents.
-
-    Args:
-        outputs: Paths of the files.
-        inputs: Files that must not be overwritten.
-
-    Raises:
-        OutputError: A folder does not exist or cannot be written to, a path is no regular file,
-            two outputs are the same file, or an output is an input.
-    """
+    """Raise unless files can be written, before work is spent on their contents."""
     targets = {_target(path, "input"): path for path in inputs}
     for path in outputs:
         target = _target(path)
@@ -232,10 +204,6 @@ def write_files(contents: Mapping[Path, bytes], folder: Path | None = None) -> N
     Args:
         contents: New content of each file.
         folder: Is made first unless it exists, in an existing one; None: no folder is made.
-
-    Raises:
-        OutputError: A file could not be written. Nothing was changed, unless the system refused to
-            rename a staged file.
     """
     with signals_held(), ExitStack() as undo:
         if folder is not None:

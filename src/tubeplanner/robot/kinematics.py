@@ -161,13 +161,7 @@ class BodyChain:
         return rotation, position
 
     def line(self, bodies: IntArray, rotation: FloatArray, position: FloatArray) -> "BodyChain":
-        """Return the chain of a row of bodies, each carrying the next, and of a frame at its end.
-
-        Args:
-            bodies: Indices of the bodies, from the base on, shape (k,).
-            rotation: Of the frame in the last body, shape (3, 3).
-            position: Of the frame in the last body, shape (3,) [m].
-        """
+        """Return the chain of bodies (k,), each carrying the next, and of a frame in the last."""
         row = np.append(0, bodies)
         return BodyChain(
             parents=np.append(0, np.arange(len(row))),
@@ -209,19 +203,10 @@ def frame_velocities(
     q: FloatArray,
     v: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the velocities of the origins of F frames, and their derivatives.
+    """Return the velocities (F, N, 3) [m/s] of the origins of F frames, and their derivatives.
 
-    Args:
-        model: The arm.
-        data: Of the model; written to.
-        joints: The joints of the model.
-        frames: Indices of the frames in the model.
-        q: Configurations, shape (N, n).
-        v: Velocities, shape (N, n).
-
-    Returns:
-        Velocities (F, N, 3) [m/s], and their derivatives by positions and by velocities, each
-        (F, N, 3, n); in the base frame.
+    The derivatives are by positions and by velocities, each (F, N, 3, n), in the base frame. The
+    model's data are written to.
     """
     still, rates = np.zeros(model.nv), joints.rates(v)
     by_q, by_v = np.empty((2, len(frames), len(q), 6, model.nv))

@@ -203,10 +203,6 @@ def planning_group(
 
     These are the movable joints on its chain; a joint that mimics another is replaced by its
     leader.
-
-    Raises:
-        RobotError: A name does not exist or is doubled, a joint mimics another, or none of the
-            joints moves the tool frame.
     """
     if not isinstance(tool_frame, str) or tool_frame not in description.links:
         message = unknown_name("tool_frame", tool_frame, description.links)
@@ -249,21 +245,10 @@ def build_model(
 ) -> pin.Model:
     """Return the Pinocchio model of a planning group and its followers.
 
+    A follower is a joint of its own there; all limits are placeholders. If masses are needed, every
+    moving body must have one.
+
     A follower is a joint of its own there; all limits are placeholders.
-
-    Args:
-        description: The robot.
-        group: The planning group.
-        tool_frame: The link that carries the payload.
-        locked_joints: Values of other joints, by name [rad or m].
-        gravity: In the base frame [m/s^2].
-        payload: Carried mass, if any.
-        needs_masses: True if efforts are limited, so that every moving body must have a mass.
-        base: Pose of the root link; None: its frame is the base frame.
-
-    Raises:
-        RobotError: Pinocchio rejects the robot, a locked joint is unknown or outside its limits, or
-            a mass is missing.
     """
     model = _reduced_model(description, group, locked_joints)
     if base is not None:
@@ -349,9 +334,6 @@ def locked_value(
 
     It is the value in `locked`, else 0 clipped to the limits; of a mimic joint, the value that
     follows from its leader, at 0 if the leader is planned.
-
-    Raises:
-        RobotError: The value in `locked` is outside its limits or contradicts the leader.
     """
     mimic = description.joints[name].mimic
     if mimic is None:
@@ -436,15 +418,10 @@ def carried_bodies(model: pin.Model) -> BoolArray:
 def effort_derivatives(
     model: pin.Model, data: pin.Data, states: tuple[FloatArray, FloatArray, FloatArray]
 ) -> FloatArray:
-    """Return the derivatives of the efforts of M joints by positions, velocities, accelerations.
+    """Return the derivatives of efforts by the states, shape (3, N, effort joint, M).
 
-    Args:
-        model: The robot.
-        data: Of the model; written to.
-        states: Positions, velocities and accelerations, shape (N, M) each.
-
-    Returns:
-        Shape (3, N, effort joint, M).
+    The states are positions, velocities and accelerations, (N, M) each. The data of the model are
+    written to.
     """
     count = model.nv
     derivatives = np.empty((3, len(states[0]), count, count))
@@ -465,14 +442,9 @@ def joint_axes(model: pin.Model) -> FloatArray:
 
 
 def lever_arms(model: pin.Model, travel: FloatArray) -> FloatArray:
-    """Return upper bounds on the distances from joints' axes to bodies' origins [m].
+    """Return upper bounds on the distances from joints' axes to bodies' origins, (bodies, M) [m].
 
-    Args:
-        model: The robot.
-        travel: Largest distance that each joint slides from zero, shape (M,) [m].
-
-    Returns:
-        Shape (bodies, M), 0 where a joint does not move the body.
+    0 where a joint does not move the body; each joint slides by `travel` (M,) [m] at most.
     """
     lever = np.zeros((model.njoints, model.njoints - 1))
     for body in range(1, model.njoints):

@@ -64,15 +64,8 @@ def expanded(
 ) -> bytes:
     """Return the URDF or SRDF of a macro file, expanded in a process of its own.
 
-    Args:
-        path: The file; includes are relative to the file that names them.
-        arguments: Values of its `<xacro:arg>`, by name; truth values are written true and false.
-        package_dirs: Further folders that hold the packages of `$(find PACKAGE)`.
-        uses_all: True if the file must use every argument.
-
-    Raises:
-        RobotError: xacro is not installed or cannot expand the file, with its reason; it takes too
-            long or too much memory; or the file does not use an argument.
+    Includes are relative to the file that names them; truth values are written true and false. With
+    `uses_all` the file must use every argument.
     """
     try:
         import xacro  # noqa: F401
@@ -254,12 +247,6 @@ class Srdf:
 
         As in MoveIt: a link of <disable_default_collisions> may touch all others but those of its
         <enable_collisions>; <disable_collisions> holds in any case.
-
-        Args:
-            links: Names of the links.
-
-        Raises:
-            RobotError: An entry lacks a link.
         """
         names = set(links)
         checked = {frozenset(pair) for pair in self._pairs[_ENABLED]}
@@ -278,11 +265,7 @@ class Srdf:
         return [read_name(str(self.path), e, "name") for e in self.root.findall("passive_joint")]
 
     def notes(self, links: Sequence[str]) -> tuple[str, ...]:
-        """Return sentences on links that a robot lacks, and on tags that SRDF does not define.
-
-        Raises:
-            RobotError: As `allowed_pairs`.
-        """
+        """Return sentences on links that a robot lacks, and on tags that SRDF does not define."""
         paired = (link for pairs in self._pairs.values() for pair in pairs for link in pair)
         named = [*self._links, *paired]
         unknown = [name for name in dict.fromkeys(named) if name not in links]
@@ -324,13 +307,6 @@ class Srdf:
 
         Other joints of the state do not count. If several groups have the name, the first group
         with all n joints counts.
-
-        Args:
-            name: The attribute `name` of a `<group_state>`.
-            joint_names: The n joints.
-
-        Raises:
-            RobotError: No state has the name, the state lacks a joint, or a value is no number.
         """
         states = self.root.findall("group_state")
         named = [state for state in states if state.get("name") == name]
@@ -352,9 +328,6 @@ class Srdf:
         """Return the positions of joints in every <group_state>, by its name; the last of equals.
 
         Joints of several values are left out.
-
-        Raises:
-            RobotError: A state has no name, or a value is no number.
         """
         return {
             name: {

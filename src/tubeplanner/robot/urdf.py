@@ -115,11 +115,7 @@ class UrdfDescription:
     __repr__ = short_repr
 
     def chain(self, link: str) -> list[str]:
-        """Return the names of the movable joints from the root to a link, in chain order.
-
-        Raises:
-            RobotError: There is no such link.
-        """
+        """Return the names of the movable joints from the root to a link, in chain order."""
         if link not in self.links:
             raise RobotError(f"{self.path}: {unknown_name('link', link, self.links)}")
         by_child = {joint.child: joint for joint in self.joints.values()}
@@ -345,9 +341,6 @@ def leader_of(description: UrdfDescription, name: str) -> Mimic:
     """Return the rule by which a joint follows its leader, the end of its chain of <mimic>.
 
     A joint without <mimic> is its own leader.
-
-    Raises:
-        RobotError: A joint mimics an unknown joint, or joints mimic each other in a circle.
     """
     multiplier, offset = 1.0, 0.0
     chain = [name]
@@ -365,11 +358,7 @@ def leader_of(description: UrdfDescription, name: str) -> Mimic:
 
 
 def leaders(description: UrdfDescription, names: Iterable[str]) -> list[str]:
-    """Return the movable leaders of joints, in the order of the joints, each once.
-
-    Raises:
-        RobotError: As `leader_of`.
-    """
+    """Return the movable leaders of joints, in the order of the joints, each once."""
     movable = set(description.movable())
     masters = (leader_of(description, name).master for name in names)
     return [name for name in dict.fromkeys(masters) if name in movable]
@@ -379,9 +368,6 @@ def followers_of(description: UrdfDescription, group: Iterable[str]) -> dict[str
     """Return the rules of the joints outside a planning group that follow its joints, by name.
 
     A joint whose multiplier is 0 does not move, and is left out.
-
-    Raises:
-        RobotError: As `leader_of`.
     """
     planned = set(group)
     rules = {

@@ -116,10 +116,6 @@ def replace_quaternions(where: str, robot: Element, version: str) -> bool:
     """Replace quat_xyzw in the <origin> of links and joints by rpy; return True if replaced.
 
     A quaternion of any length counts, as for urdfdom.
-
-    Raises:
-        RobotError: A quaternion is malformed or is beside rpy, or the version knows none and
-            the rotation would be another without it.
     """
     origins: list[tuple[str, Element]] = []
     for owner in (*robot.findall("link"), *robot.findall("joint")):
@@ -267,10 +263,6 @@ def undefined_note(where: str, robot: Element) -> str | None:
     """Return a sentence that names tags and attributes that URDF does not define, if any.
 
     Those with a prefix, and sections of simulators and controllers, are passed over.
-
-    Raises:
-        RobotError: One is all but a tag or attribute of URDF, or would move a frame or a joint; or
-            an element has a tag twice of which only one counts.
     """
     owners: dict[str, list[str]] = {}
     for owner in (robot, *robot.findall("link"), *robot.findall("joint")):
@@ -343,12 +335,7 @@ _TAGS = {
 def unused_values(joint: Element, used: Iterable[str] = ()) -> dict[str, str]:
     """Return the values of a <joint> that are not used, as text of the file; zeros are left out.
 
-    Args:
-        joint: The element.
-        used: Attributes of <limit> that are used.
-
-    Returns:
-        By "tag attribute", such as "dynamics damping" or "limit drake:acceleration".
+    Their keys are such as "dynamics damping"; `used` are the attributes of <limit> that are used.
     """
     values = {}
     used = {*used, *(() if joint.get("type") == "continuous" else _ENDS)}

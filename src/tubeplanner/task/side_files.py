@@ -102,9 +102,6 @@ def _preset(name: str | Path, directory: str | Path) -> tuple[str, _PresetFields
     """Return the label and the fields of a preset.
 
     All fields with values, and no others, have a source.
-
-    Raises:
-        RobotError: As `read_preset`.
     """
     path = find_preset(name, checked_path("directory", directory))
     label = f"preset {name}"
@@ -321,10 +318,6 @@ def read_points(path: Path) -> PointFile:
     order; without names they are in this order. A radius is that of the segment that begins at the
     point. The last radius belongs to no segment: it is empty or repeats the one before. Lines that
     begin with # are comments.
-
-    Raises:
-        ProblemError: The file cannot be read, or a line is malformed; the message names file, line
-            and column.
     """
     try:
         text = read_text(path, _MAX_BYTES)

@@ -251,15 +251,6 @@ def taught_problem(
 
     The tool may be anywhere. What the cell's tube has for all segments alike of `_KEPT` stays; the
     notes name what stays and what does not, and how the trail was read.
-
-    Args:
-        cell: The robot and its surroundings.
-        path: The file of the trail.
-
-    Raises:
-        ProblemError: The cell contradicts its format or itself.
-        RobotError: The robot cannot be planned with.
-        TrajectoryError: The trail cannot be read, or is not of this robot.
     """
     ends: dict[str, Any] = {"start": {"joints": []}, "goal": {"joints": []}}
     robot = robot_of(
