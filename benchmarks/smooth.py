@@ -21,8 +21,7 @@ import numpy as np
 from shared import ARMS, geometric_mean
 from tubeplanner import PlanningProblem, PlanOptions, Progress, load_problem, plan, verify
 from tubeplanner.arrays import FloatArray
-from tubeplanner.limits.motor_costs import effort_variation
-from tubeplanner.limits.peaks import trajectory_peaks
+from tubeplanner.limits.peaks import effort_variation, trajectory_peaks
 from tubeplanner.limits.tube_membership import current_segments, tube_use
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.second_stage import largest_jerk

@@ -11,7 +11,7 @@ from cases import ANGLE, INERTIA, PEAK_ACCELERATION, PEAK_VELOCITY, one_joint, q
 from scipy.integrate import quad
 
 from tubeplanner import JointTrajectory, load_robot
-from tubeplanner.limits.motor_costs import (
+from tubeplanner.limits.peaks import (
     EffortCosts,
     coulomb_effort,
     effort_variation,

@@ -8,7 +8,7 @@ from cases import INERTIA, begun, constraints_of, one_joint
 from scipy.interpolate import BSpline
 
 from tubeplanner import PlanningProblem, Tube
-from tubeplanner.limits.motor_costs import EffortCosts
+from tubeplanner.limits.peaks import EffortCosts
 from tubeplanner.optimizer.control_variables import ControlVariables
 from tubeplanner.optimizer.motion_measures import Energy, IntervalMotion, Work, smoothness_measures
 from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline

@@ -9,7 +9,7 @@ import pytest
 from cases import ANGLE, BRIEF, anywhere, one_joint, quintic
 
 from tubeplanner import JointTrajectory, Objective, PlanOptions, plan, verify
-from tubeplanner.limits.motor_costs import EffortCosts
+from tubeplanner.limits.peaks import EffortCosts
 from tubeplanner.optimizer.stages import Refinement, SecondStage
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.output.files.trajectory_writer import FORMATS, ExportedMotion

@@ -25,7 +25,7 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.first_guess.baselines import judged_baseline
-from tubeplanner.limits.motor_costs import motor_effort
+from tubeplanner.limits.peaks import motor_effort
 from tubeplanner.robot.joint_limits import EffortRange
 
 # Plans with motors: a bar's against its least time, integrated by itself, and whole arms'.

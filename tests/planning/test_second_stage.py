@@ -21,7 +21,7 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.limits.motor_costs import effort_variation
+from tubeplanner.limits.peaks import effort_variation
 from tubeplanner.optimizer.stages import SecondStage
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.planning.result import certified_result

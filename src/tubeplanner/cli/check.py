@@ -14,9 +14,13 @@ from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.limits.peaks import peaks_as_dict, trajectory_peaks
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.outcome import Location
-from tubeplanner.output.controllers.franka import FRANKA_ARMS, franka_limits, judged_by_franka
-from tubeplanner.output.controllers.ros2_control import judged_by_jtc
-from tubeplanner.output.controllers.verdict import ControllerVerdict
+from tubeplanner.output.controllers import (
+    FRANKA_ARMS,
+    ControllerVerdict,
+    franka_limits,
+    judged_by_franka,
+    judged_by_jtc,
+)
 from tubeplanner.output.files.file_notes import notes_on_file, unit_guesses
 from tubeplanner.robot.notes import robot_notes, unlimited_notes
 from tubeplanner.task.cycle import Cycle

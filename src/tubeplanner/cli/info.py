@@ -18,7 +18,7 @@ from tubeplanner.errors import OptionError, RobotError
 from tubeplanner.geometry.collision_checker import LinkCover, link_covers
 from tubeplanner.geometry.link_geometry import link_contents
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, open_meshes
-from tubeplanner.geometry.tube.segment_values import SEGMENT_NUMBERS
+from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS
 from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
 from tubeplanner.output.figures.robot_figure import plot_robot
 from tubeplanner.resources import EXAMPLE_PREFIX

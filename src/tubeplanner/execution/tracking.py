@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.execution.plants import Plant
-from tubeplanner.limits.motor_costs import coulomb_effort
+from tubeplanner.limits.peaks import coulomb_effort
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.demands import COMPUTED_TORQUE, FEEDFORWARD_PD, PD
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples

@@ -12,7 +12,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.limits.joint_efforts import JointEffort
-from tubeplanner.limits.motor_costs import EffortCosts
+from tubeplanner.limits.peaks import EffortCosts
 from tubeplanner.limits.rates import JointRate
 from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline, Samples, sampled
 from tubeplanner.optimizer.spline_constraints import Iterate

@@ -18,8 +18,8 @@ from tubeplanner.limits.binding_limits import (
     clearance_use,
     closest_pairs,
 )
-from tubeplanner.limits.motor_costs import motor_effort
 from tubeplanner.limits.path_samples import JointSpeedLimit, PathSamples
+from tubeplanner.limits.peaks import motor_effort
 from tubeplanner.limits.rates import PointSpeedLimit, ToolSpeed
 from tubeplanner.limits.speed_limits import LimitUses, limit_uses, samples_per_piece, speed_limits
 from tubeplanner.limits.time_scaling import scaling_factor

@@ -6,7 +6,7 @@ from math import ceil, floor
 
 import numpy as np
 
-from tubeplanner.limits.motor_costs import EffortCosts, effort_variation
+from tubeplanner.limits.peaks import EffortCosts, effort_variation
 from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline
 from tubeplanner.optimizer.stages import Refinement, SecondStage
 from tubeplanner.optimizer.starts import on_periodic_knots

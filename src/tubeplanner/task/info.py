@@ -12,7 +12,7 @@ from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.geometry.convex_shapes import extent_of
 from tubeplanner.geometry.link_geometry import link_extents
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle
-from tubeplanner.geometry.tube.segment_values import SEGMENT_NUMBERS
+from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.info import RobotInfo, robot_info
 from tubeplanner.robot.model import RobotModel

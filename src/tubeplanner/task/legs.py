@@ -8,7 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError, shown
-from tubeplanner.geometry.tube.segment_values import SEGMENT_NUMBERS
+from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel

@@ -10,8 +10,14 @@ from matplotlib.figure import Figure
 from tubeplanner import load_problem, plan, plot_trajectory
 from tubeplanner.limits.binding_limits import Span
 from tubeplanner.output.curves import BindingStrip, LimitedSection, binding_strip, trajectory_curves
-from tubeplanner.output.figures.binding_panels import draw_clearance, draw_strip, percent
-from tubeplanner.output.figures.panels import draw_efforts, draw_motor, motor_joints
+from tubeplanner.output.figures.panels import (
+    draw_clearance,
+    draw_efforts,
+    draw_motor,
+    draw_strip,
+    motor_joints,
+    percent,
+)
 from tubeplanner.robot.joint_limits import EffortRange
 
 MOTORS = {

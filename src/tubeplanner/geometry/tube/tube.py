@@ -19,10 +19,16 @@ from tubeplanner.geometry.tube.points import (
     MAX_EXTENT,
     MIN_LENGTH,
     PASS_THROUGH,
+    SEGMENT_NUMBERS,
+    JointRange,
+    JointSign,
     compulsory_points,
     distinct_points,
     given_points,
     given_radii,
+    joint_ranges,
+    segment_values,
+    sign_maps,
 )
 from tubeplanner.geometry.tube.regions import (
     BoxRegions,
@@ -32,14 +38,6 @@ from tubeplanner.geometry.tube.regions import (
     radii_of_boxes,
 )
 from tubeplanner.geometry.tube.rotation import RotationalTube, RotationBound, given_rotation
-from tubeplanner.geometry.tube.segment_values import (
-    SEGMENT_NUMBERS,
-    JointRange,
-    JointSign,
-    joint_ranges,
-    segment_values,
-    sign_maps,
-)
 from tubeplanner.orientation import rotation_matrix, rotation_vector
 from tubeplanner.robot.model import RobotModel
 

@@ -18,11 +18,12 @@ from tubeplanner.output.curves import (
     motion_curves,
 )
 from tubeplanner.output.drawing import segment_color
-from tubeplanner.output.figures.binding_panels import draw_clearance, draw_strip
 from tubeplanner.output.figures.figure_files import figure_grid, saved
 from tubeplanner.output.figures.panels import (
+    draw_clearance,
     draw_motors,
     draw_speed,
+    draw_strip,
     mark_segments,
     motor_joints,
     time_panels,

@@ -15,7 +15,7 @@ from ruamel.yaml.error import YAMLError
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.fields import Section
-from tubeplanner.geometry.tube.segment_values import SEGMENT_NUMBERS, sign_of
+from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS, sign_of
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.task.field_changes import changed_problem
 from tubeplanner.task.includes import ProblemLayers, is_named, merged_fields, move_paths

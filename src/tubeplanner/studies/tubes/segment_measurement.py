@@ -11,8 +11,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import require_between, require_count
 from tubeplanner.errors import FormerName, OptionError
 from tubeplanner.first_guess.branches import ReferenceBranch
-from tubeplanner.geometry.tube.points import densified
-from tubeplanner.geometry.tube.segment_values import JointRange
+from tubeplanner.geometry.tube.points import JointRange, densified
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult

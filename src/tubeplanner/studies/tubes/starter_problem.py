@@ -12,7 +12,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.geometry.collision_checker import CollisionChecker, CollisionScene
-from tubeplanner.geometry.tube.segment_values import JointSign
+from tubeplanner.geometry.tube.points import JointSign
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.options import PlanOptions

@@ -29,8 +29,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import ProblemError, unknown_name
-from tubeplanner.geometry.tube.points import passing_radius
-from tubeplanner.geometry.tube.segment_values import JointSign
+from tubeplanner.geometry.tube.points import JointSign, passing_radius
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.text import short_repr
 

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from tubeplanner import JointTrajectory
-from tubeplanner.output.controllers.ros2_control import judged_by_jtc
-from tubeplanner.output.controllers.verdict import ControllerFinding, ControllerVerdict, Effect
+from tubeplanner.output.controllers import (
+    ControllerFinding,
+    ControllerVerdict,
+    Effect,
+    judged_by_jtc,
+)
 from tubeplanner.trajectory.reader import read_trajectory_file
 
 NAMES = ("joint1", "joint2")

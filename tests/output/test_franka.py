@@ -7,8 +7,7 @@ import pytest
 from cases import PEAK_ACCELERATION, PEAK_JERK, PEAK_VELOCITY
 
 from tubeplanner import JointTrajectory, OptionError, load_robot
-from tubeplanner.output.controllers.franka import franka_limits, judged_by_franka
-from tubeplanner.output.controllers.verdict import Effect
+from tubeplanner.output.controllers import Effect, franka_limits, judged_by_franka
 
 FER, FR3 = franka_limits("fer"), franka_limits("fr3")
 FREE = replace(

@@ -1,17 +1,122 @@
-"""Verdict of libfranka's joint position control; limits of Franka's arms."""
+"""Verdicts of robot controllers on a trajectory: libfranka's joint positions, ros2_control."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import OptionError
-from tubeplanner.output.controllers.verdict import ControllerFinding, ControllerVerdict, Effect
+from tubeplanner.output.files.samples import samples_for_export
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.overrides import LimitOverrides
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.side_files import read_preset
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.polynomials import peak_magnitudes
+from tubeplanner.trajectory.reader import GivenSamples, TrajectoryFile
+
+
+class Effect(StrEnum):
+    """Consequence of a finding.
+
+    The controller refuses or aborts the motion; executes another motion than the file's; or accepts
+    it, with a remark.
+    """
+
+    REFUSED = "refused"
+    ALTERED = "altered"
+    NOTED = "noted"
+
+
+@dataclass(frozen=True)
+class ControllerFinding:
+    """A finding of a controller; fields that do not apply are None.
+
+    Attributes:
+        effect: Consequence of the finding.
+        error: In the controller's words: the name of its error, or its action.
+        message: One sentence.
+        joint: Joint of the value.
+        value: Of the joint or of the tool.
+        limit: Limit of the value.
+        unit: Of value and limit.
+        time: Of the value [s].
+        first_time: First time beyond the limit [s]; a refused motion ends there.
+    """
+
+    effect: Effect
+    error: str
+    message: str
+    joint: str | None = None
+    value: float | None = None
+    limit: float | None = None
+    unit: str | None = None
+    time: float | None = None
+    first_time: float | None = None
+
+
+@dataclass(frozen=True)
+class ControllerVerdict:
+    """Findings of a controller on a trajectory.
+
+    Attributes:
+        name: Of the controller: one of `CONTROLLERS`.
+        title: Description of the controller.
+        refuses: Its action on a bad motion: "abort" or "refuse".
+        findings: In the order of their effects.
+    """
+
+    name: str
+    title: str
+    refuses: str
+    findings: tuple[ControllerFinding, ...]
+
+    @property
+    def accepted(self) -> bool:
+        """True if the controller executes the trajectory unchanged."""
+        return self.gravest is None
+
+    @property
+    def gravest(self) -> ControllerFinding | None:
+        """First finding that prevents acceptance, refusals before others; None if accepted."""
+        for effect in (Effect.REFUSED, Effect.ALTERED):
+            for finding in self.findings:
+                if finding.effect is effect:
+                    return finding
+        return None
+
+    @property
+    def summary(self) -> str:
+        """Action of the controller, in a few words."""
+        gravest = self.gravest
+        return "accepted" if gravest is None else self._begins[gravest.effect]
+
+    @property
+    def _begins(self) -> dict[Effect, str]:
+        """Begin of the line of a finding, by its effect."""
+        return {
+            Effect.REFUSED: f"would {self.refuses}",
+            Effect.ALTERED: "would run otherwise",
+            Effect.NOTED: "note",
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        return {"accepted": self.accepted, **asdict(self)}
+
+    def lines(self) -> list[str]:
+        """Return a heading with the verdict, then a line per finding."""
+        return [
+            f"{self.name} ({self.title}): {self.summary}",
+            *(
+                f"  {self._begins[each.effect]}: {each.error}: {each.message}"
+                for each in self.findings
+            ),
+        ]
+
 
 # ---- The limits of Franka's arms: the presets' limits, and a few that only the control has.
 
@@ -320,3 +425,94 @@ def _exceeded(
 
 def _number_text(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+# ---- The JointTrajectoryController of ros2_control.
+#
+# It refuses messages by its `validate_trajectory_msg`, with parameters at their defaults, and joins
+# points by polynomials of the degree that the given derivatives determine. It does not check
+# whether the arm can follow: limits are checked by the certificate.
+
+_RATE = 500.0  # [Hz], as `plan --ros` writes
+_MOVES = float(np.finfo(np.float32).eps)  # the controller's own bound
+_FIELDS = {1: "velocities", 2: "accelerations"}
+_JOINED = {1: "straight lines", 2: "cubics"}
+_TITLE = "JointTrajectoryController of ros2_control, parameters at their defaults"
+
+
+def judged_by_jtc(name: str, problem: PlanningProblem, file: TrajectoryFile) -> ControllerVerdict:
+    """Return the controller's verdict on a file's points; on polynomials, on exported points.
+
+    Args:
+        name: One of `CONTROLLERS`.
+        problem: The planning problem.
+        file: Its trajectory has the problem's joints, in any order.
+    """
+    trajectory, points = file.trajectory.reordered(problem.robot.joint_names), file.samples
+    remarks: list[ControllerFinding] = []
+    if points is None:
+        points = GivenSamples(0.0, ("position", "velocity", "acceleration"))
+        note = samples_for_export(problem, trajectory, _RATE).note
+        if note is not None:
+            remarks.append(ControllerFinding(Effect.NOTED, "as plan --ros writes it", note))
+    findings = (
+        *_refused(problem.robot, trajectory, points),
+        *_altered(problem.robot, trajectory, points),
+        *remarks,
+    )
+    return ControllerVerdict(name, _TITLE, "refuse", findings)
+
+
+def _refused(
+    robot: RobotModel, trajectory: JointTrajectory, points: GivenSamples
+) -> Iterator[ControllerFinding]:
+    """Yield the refusals of `validate_trajectory_msg` for a readable file."""
+    velocity = trajectory.velocity(trajectory.duration)
+    joint = int(abs(velocity).argmax())
+    if "velocity" in points.quantities and abs(velocity[joint]) > _MOVES:
+        error = f"Velocity of last trajectory point of joint {robot.joint_names[joint]} is not zero"
+        time = points.first_time + trajectory.duration
+        yield _moving(robot, joint, 1, velocity[joint], Effect.REFUSED, error, time)
+    if points.has_effort:
+        error = (
+            "Trajectories with effort fields are only supported for controllers using the 'effort' "
+            "command interface"
+        )
+        yield ControllerFinding(Effect.REFUSED, error, "leave them out, as plan --ros does")
+
+
+def _altered(
+    robot: RobotModel, trajectory: JointTrajectory, points: GivenSamples
+) -> Iterator[ControllerFinding]:
+    """Yield the differences between the executed motion and the file's."""
+    if points.first_time > 0:
+        message = (
+            "the controller adds a segment of its own, from where the arm is to the first point, "
+            f"at t = {points.first_time:.4f} s"
+        )
+        time = points.first_time
+        yield ControllerFinding(Effect.ALTERED, "no point at t = 0", message, time=time)
+    for order, what in ((1, "velocity"), (2, "acceleration")):
+        coefficients = trajectory.derivative_coefficients(order)
+        start = coefficients[-1, 0]
+        largest = peak_magnitudes(coefficients, trajectory.widths).value
+        joint = int(abs(start).argmax())
+        if what in points.quantities and abs(start[joint]) > _AT_REST * largest.max():
+            error = f"the {what} jumps where it begins"
+            time = points.first_time
+            yield _moving(robot, joint, order, start[joint], Effect.ALTERED, error, time)
+        if what not in points.quantities:
+            error = f"points without {_FIELDS[order]} are joined by {_JOINED[order]}"
+            message = f"the {what} jumps at every one; give positions, velocities and accelerations"
+            yield ControllerFinding(Effect.ALTERED, error, message)
+            return
+
+
+def _moving(
+    robot: RobotModel, joint: int, order: int, value: float, effect: Effect, error: str, time: float
+) -> ControllerFinding:
+    """Return the finding of a joint that is not at rest at the start or the end."""
+    unit = ("rad" if robot.revolute[joint] else "m") + ("/s" if order == 1 else "/s^2")
+    name = robot.joint_names[joint]
+    message = f"{name} {value:.6g} {unit} at t = {time:.4f} s; it must be 0"
+    return ControllerFinding(effect, error, message, name, float(value), 0.0, unit, time)

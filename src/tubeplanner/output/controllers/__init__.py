@@ -1,1 +1,0 @@
-"""Verdicts of robot controllers on a trajectory: refusals, altered execution."""
