@@ -9,9 +9,7 @@ from rich.table import Table
 
 from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition
 from tubeplanner.cli import console
-from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import fits, rendered, terminal
-from tubeplanner.output.figures.figure_files import figure_file, require_figure
 from tubeplanner.output.figures.study_figures import plot_comparison
 from tubeplanner.output.files.fingerprint import origin
 from tubeplanner.output.files.trajectory_writer import trajectory_json
@@ -56,36 +54,27 @@ def compare(
     options = PlanOptions(quality=quality, slack=slack)
     console.require_used(changes, slack)
     names = None if methods is None else [name.strip() for name in methods.split(",")]
-    outputs = [path for path in (output, figure) if path is not None]
-    console.require_ending(output, "-o", (".csv", ".json"))
-    require_figure(figure, "--plot")
-    require_writable(outputs, [Path(problem)])
+    files = console.TableFiles(output, figure, problem)
     if trajectories is not None:
         require_writable(
             [trajectories / "trajectory.json" if trajectories.is_dir() else trajectories]
         )
     with console.shown_progress() as enter:
         loaded, loading_time = console.load_timed(problem, enter, changes)
-        require_writable(outputs, [loaded.robot.urdf.path])
+        require_writable(files.paths, [loaded.robot.urdf.path])
         result = compare_methods(loaded, names, options=options, progress=enter)
-        outputs += _write_comparison(result, output, figure, trajectories)
+        motions = _motions(result, trajectories)
+        files.write(result, plot_comparison, *motions, folder=trajectories)
+        files.paths += [each.path for each in motions if each.path is not None]
     certified = sum(row.certified for row in result.rows)
     message = f"{certified} of {len(result.rows)} certified"
     message += console.OTHERS_NOT_TRIED if result.stopped_by else ""
-    if as_json:
-        report = console.empty_report("success" if certified else "no_trajectory", message)
-        console.print_json({**report, "loading_time": loading_time, **result.as_dict()})
-    else:
-        console.say(comparison_text(result), message, sep="\n")
-        console.say_files(outputs, "-o TABLE.csv", "--plot", "--trajectories")
-    return console.SUCCESS if certified else console.INFEASIBLE
+    text = None if as_json else lambda: comparison_text(result)
+    return files.say(result, message, loading_time, text, "--trajectories")
 
 
-def _write_comparison(
-    result: Comparison, output: Path | None, figure: Path | None, folder: Path | None
-) -> list[Path]:
-    """Write the requested files; return the paths of the trajectories."""
-    hold_interrupts()
+def _motions(result: Comparison, folder: Path | None) -> list[console.Output]:
+    """Return the files of the trajectories; none without a folder."""
     rows = {} if folder is None else {folder / f"{row.method}.json": row for row in result.rows}
     rows = {path: row for path, row in rows.items() if row.trajectory is not None}
 
@@ -96,13 +85,7 @@ def _write_comparison(
         more = {**origin(result.problem, row.answered_by or row.method), **verdict}
         return trajectory_json(row.trajectory, **more).encode()
 
-    console.write_answer(
-        *(console.Output("trajectory", path, trajectory) for path in rows),
-        console.Output("table", output, lambda path: console.table_bytes(result, path)),
-        console.Output("figure", figure, lambda path: figure_file(plot_comparison(result), path)),
-        folder=folder,
-    )
-    return list(rows)
+    return [console.Output("trajectory", path, trajectory) for path in rows]
 
 
 def comparison_text(result: Comparison) -> str:

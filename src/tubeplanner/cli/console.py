@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
@@ -431,19 +431,58 @@ class OutputFiles:
             say_unwritten(*self._options)
 
 
-class _Table(Protocol):
-    """A result of several plans, such as a sweep or a study."""
+class TableFiles:
+    """Table and figure of several plans, as the options -o and --plot request.
 
-    def csv(self) -> str: ...
+    Attributes:
+        paths: Of the requested files, others included.
+    """
 
-    def as_dict(self) -> dict[str, Any]: ...
+    def __init__(self, table: Path | None, figure: Path | None, input_: str, *others: Path) -> None:
+        from tubeplanner.output.figures.figure_files import require_figure
 
+        require_ending(table, "-o", (".csv", ".json"))
+        require_figure(figure, "--plot")
+        self._table, self._figure = table, figure
+        self.paths = [path for path in (table, *others, figure) if path is not None]
+        require_writable(self.paths, [Path(input_)])
 
-def table_bytes(result: _Table, path: Path) -> bytes:
-    """Return the contents of a table's file: CSV or JSON, by the ending."""
-    if path.suffix.lower() == ".csv":
-        return result.csv().encode()
-    return (json.dumps(result.as_dict(), allow_nan=False) + "\n").encode()
+    def write(
+        self, result: Any, plot: Callable[[Any], Any], *more: Output, folder: Path | None = None
+    ) -> None:
+        """Write the files, more files first; `folder` as for `write_answer`."""
+        from tubeplanner.output.figures.figure_files import figure_file
+
+        def table(path: Path) -> bytes:
+            if path.suffix.lower() == ".csv":
+                return bytes(result.csv().encode())
+            return (json.dumps(result.as_dict(), allow_nan=False) + "\n").encode()
+
+        hold_interrupts()
+        write_answer(
+            *more,
+            Output("table", self._table, table),
+            Output("figure", self._figure, lambda path: figure_file(plot(result), path)),
+            folder=folder,
+        )
+
+    def say(
+        self,
+        result: Any,
+        message: str,
+        loading_time: float | None,
+        text: Callable[[], str] | None,
+        *options: str,
+    ) -> int:
+        """Print the result: as text, or as JSON if there is none; return the exit status."""
+        if text is None:
+            status = "success" if result.succeeded else "no_trajectory"
+            report = {**empty_report(status, message), "loading_time": loading_time}
+            print_json({**report, **result.as_dict()})
+        else:
+            say(text(), message, sep="\n")
+            say_files(self.paths, "-o TABLE.csv", "--plot", *options)
+        return SUCCESS if result.succeeded else INFEASIBLE
 
 
 @contextmanager

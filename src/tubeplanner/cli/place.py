@@ -10,7 +10,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.cli import console
-from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import rendered
 from tubeplanner.errors import OptionError
 from tubeplanner.output.figures.figure_files import figure_file, require_figure
@@ -21,7 +20,6 @@ from tubeplanner.studies.base_regions import BasePlacement
 from tubeplanner.studies.placement import Placement, PlaceOptions
 from tubeplanner.studies.placement import place as search
 from tubeplanner.task.includes import ProblemLayers
-from tubeplanner.writing import require_writable
 
 _NONE = "none"  # a value of --stands-on
 _MAX_REASONS = 12
@@ -98,8 +96,12 @@ def place(
     journal = None if output is None else output.with_suffix(".jsonl")
     console.require_ending(output, "-o", (".yaml", ".yml", ".json"))
     require_figure(figure, "--plot")
-    outputs = [path for path in (output, journal, figure) if path is not None]
-    require_writable(outputs, ProblemLayers.read(source).files)
+    requests = [
+        console.Request("problem", output, "-o BEST.yaml"),
+        console.Request("journal", journal),
+        console.Request("map", figure, "--plot"),
+    ]
+    files = console.OutputFiles(*requests, inputs=ProblemLayers.read(source).files)
     begin = time.perf_counter()
     with console.shown_progress() as enter, console.workers_of(processes) as workers:
         placement = search(
@@ -112,44 +114,23 @@ def place(
             journal=journal,
             progress=enter,
         )
-    written = _write(placement, source, output, figure, changes)
-    if journal is not None:
-        written["journal"] = journal
+    contents = {"map": lambda path: figure_file(plot_placement(placement), path)}
+    if placement.succeeded:
+        best = placement.changes
+        contents = {"problem": lambda path: with_placement(source, path, best, changes), **contents}
+    files.write(contents)
+    files.written |= {"journal": journal} if journal is not None else {}
     search_time = time.perf_counter() - begin
     if as_json:
         status = "success" if placement.succeeded else "no_trajectory"
         result = {} if placement.result is None else placement.result.as_dict()
         report = {**console.empty_report(status, ""), **result, **placement.as_dict()}
-        files = {kind: str(path) for kind, path in written.items()}
-        console.print_json({**report, "search_time": search_time, "files": files})
+        paths = {kind: str(path) for kind, path in files.written.items()}
+        console.print_json({**report, "search_time": search_time, "files": paths})
     else:
         console.say(placement_text(placement))
-        for kind, path in written.items():
-            console.say(f"{kind}: {path}")
-        if not written:
-            console.say_unwritten("-o BEST.yaml", "--plot")
+        files.say()
     return console.SUCCESS if placement.succeeded else console.INFEASIBLE
-
-
-def _write(
-    placement: Placement,
-    source: Path,
-    output: Path | None,
-    figure: Path | None,
-    changes: dict[str, Any],
-) -> dict[str, Path]:
-    """Write the requested files; return the written files by kind."""
-    hold_interrupts()
-    outputs = [
-        console.Output(
-            "problem",
-            output if placement.succeeded else None,
-            lambda path: with_placement(source, path, placement.changes, changes),
-        ),
-        console.Output("map", figure, lambda path: figure_file(plot_placement(placement), path)),
-    ]
-    console.write_answer(*outputs)
-    return {each.kind: each.path for each in outputs if each.path in console.answer_files().written}
 
 
 def placement_text(result: Placement) -> str:

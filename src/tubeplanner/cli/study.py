@@ -10,9 +10,7 @@ from rich.table import Table
 
 from tubeplanner.checks import in_figures, is_number
 from tubeplanner.cli import console
-from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import rendered
-from tubeplanner.output.figures.figure_files import figure_file, require_figure
 from tubeplanner.output.figures.study_figures import plot_study
 from tubeplanner.studies.study import StudyResult, StudyRow, run_study
 from tubeplanner.studies.study_file import load_study
@@ -54,38 +52,24 @@ def study(
     command continues from the journal. Exit status 0 if any point has a certified motion; the other
     rows have the reason.
     """
-    console.require_ending(output, "-o", (".csv", ".json"))
-    require_figure(figure, "--plot")
     journal = None if output is None else output.with_suffix(".jsonl")
-    outputs = [path for path in (output, journal, figure) if path is not None]
-    require_writable(outputs, [Path(study)])
+    files = console.TableFiles(output, figure, study, *filter(None, [journal]))
     with console.shown_progress() as enter:
         begin = time.perf_counter()
         enter("reading the study")
         loaded = load_study(study)
-        require_writable(outputs, loaded.files)
+        require_writable(files.paths, loaded.files)
         loading_time = time.perf_counter() - begin
         with console.workers_of(processes, scheduler) as workers:
             result = run_study(loaded, journal=journal, executor=workers, progress=enter)
-        hold_interrupts()
-        console.write_answer(
-            console.Output("table", output, lambda path: console.table_bytes(result, path)),
-            console.Output("figure", figure, lambda path: figure_file(plot_study(result), path)),
-        )
+        files.write(result, plot_study)
     planned = sum(row.duration is not None for row in result.rows)
     done, count = len(result.rows), len(result.study.points)
     message = f"{planned} of {done} points have a certified motion"
     if result.stopped_by is not None:
         remedy = "run the same command again to go on" if journal else "nothing is kept without -o"
         message += f"; interrupted, {count - done} of {count} are left: {remedy}"
-    if as_json:
-        status = "success" if result.succeeded else "no_trajectory"
-        report = {**console.empty_report(status, message), "loading_time": loading_time}
-        console.print_json({**report, **result.as_dict()})
-    else:
-        console.say(study_text(result), message, sep="\n")
-        console.say_files(outputs, "-o TABLE.csv", "--plot")
-    return console.SUCCESS if result.succeeded else console.INFEASIBLE
+    return files.say(result, message, loading_time, None if as_json else lambda: study_text(result))
 
 
 def study_text(result: StudyResult) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.cli import console
-from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import rendered
 from tubeplanner.errors import OptionError
-from tubeplanner.output.figures.figure_files import figure_file, require_figure
 from tubeplanner.output.figures.sweep_figures import plot_field_sweep, plot_sweep
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies.sweeps import FieldSweep, SweepResult, sweep_field
@@ -63,10 +62,7 @@ def sweep(
     if (radius is not None) + (radius_scale is not None) + bool(variations) != 1:
         raise OptionError("sweep takes either --radius or --radius-scale or --vary")
     options = PlanOptions(quality=quality, slack=slack)
-    outputs = [path for path in (output, figure) if path is not None]
-    console.require_ending(output, "-o", (".csv", ".json"))
-    require_figure(figure, "--plot")
-    require_writable(outputs, [Path(problem)])
+    files = console.TableFiles(output, figure, problem)
     result: SweepResult | FieldSweep
     # By default this process plans.
     executor: AbstractContextManager[Executor | None]
@@ -79,23 +75,17 @@ def sweep(
             console.require_used(changes, slack)
             radii, scales = _numbers("--radius", radius), _numbers("--radius-scale", radius_scale)
             loaded, loading_time = console.load_timed(problem, enter, changes)
-            require_writable(outputs, [loaded.robot.urdf.path])
+            require_writable(files.paths, [loaded.robot.urdf.path])
             result = sweep_problem(
                 *(loaded, radii), scales=scales, options=options, executor=workers, progress=enter
             )
-        _write_sweep(result, output, figure)
-    status = "success" if result.succeeded else "no_trajectory"
+        files.write(result, plot_field_sweep if variations else plot_sweep)
     planned = sum(row.duration is not None for row in result.rows)
     message = f"{planned} of {len(result.rows)} planned"
     message += console.OTHERS_NOT_TRIED if result.stopped_by else ""
-    if as_json:
-        report = {**console.empty_report(status, message), "loading_time": loading_time}
-        console.print_json({**report, **result.as_dict()})
-    else:
-        text = field_sweep_text(result) if isinstance(result, FieldSweep) else sweep_text(result)
-        console.say(text, message, sep="\n")
-        console.say_files(outputs, "-o TABLE.csv", "--plot")
-    return console.SUCCESS if result.succeeded else console.INFEASIBLE
+    text = field_sweep_text if variations else sweep_text
+    printed = None if as_json else partial(text, result)  # type: ignore[arg-type]
+    return files.say(result, message, loading_time, printed)
 
 
 def _swept_field(
@@ -118,20 +108,6 @@ def _swept_field(
         options=options,
         executor=executor,
         progress=progress,
-    )
-
-
-def _write_sweep(
-    result: SweepResult | FieldSweep, output: Path | None, figure: Path | None
-) -> None:
-    def drawn(path: Path) -> bytes:
-        picture = plot_field_sweep(result) if isinstance(result, FieldSweep) else plot_sweep(result)
-        return figure_file(picture, path)
-
-    hold_interrupts()
-    console.write_answer(
-        console.Output("table", output, lambda path: console.table_bytes(result, path)),
-        console.Output("figure", figure, drawn),
     )
 
 

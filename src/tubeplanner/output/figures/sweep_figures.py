@@ -72,7 +72,27 @@ def plot_sweep(result: SweepResult, path: str | Path | None = None) -> "Figure":
     figure = new_figure(8.0, 4.5)
     axis = figure.add_subplot()
     figure.suptitle(f"{result.problem.name}: duration against tolerance", fontsize=13)
-    draw_sweep(axis, result)
+    radius = result.quantity == "radius"
+    unit, name = (1000, "radius [mm]") if radius else (1, "scale of all radii [-]")
+    values = unit * np.array([row.value for row in result.rows])
+    planned = [(unit * row.value, row.duration) for row in result.rows if row.duration is not None]
+    options = {**line_style(0), "linewidth": 1.0}
+    axis.plot(*np.reshape(planned, (-1, 2)).T, "o", label="certified trajectory", **options)
+    if values[-1] > _WIDE * values[0]:
+        axis.set_xscale("log")
+        axis.set_xticks(values, [f"{value:.3g}" for value in values], minor=False)
+        axis.set_xticks([], minor=True)
+    for row, value in zip(result.rows, values, strict=True):
+        if row.duration is None:
+            draw_gap(axis, value, status_words(row.status))
+        elif row.elasticity is not None:
+            others = values[values != value]
+            nearest = min(abs(others / value - 1)) if len(others) else 1.0
+            half = float(min(_TANGENT * nearest, 0.5))
+            _draw_slope(axis, value, half, row.duration, row.elasticity)
+    axis.set(xlabel=name, ylabel="duration [s]")
+    axis.grid(alpha=0.25)
+    axis.legend(fontsize=8)
     return saved(figure, path)
 
 
@@ -95,42 +115,6 @@ def plot_field_sweep(result: FieldSweep, path: str | Path | None = None) -> "Fig
     axis = figure.add_subplot()
     draw_durations(axis, scale, result.rows, with_shortest=result.varies_objective)
     return saved(figure, path)
-
-
-def draw_sweep(
-    axis: "Axes", result: SweepResult, label: str | None = None, number: int = 0
-) -> None:
-    """Draw a sweep into axes: points, slopes, and values without a plan.
-
-    Args:
-        axis: Of the panel.
-        result: Result of `sweep`.
-        label: In the legend; None: "certified trajectory".
-        number: Of the line, for colour and dashes.
-    """
-    radius = result.quantity == "radius"
-    unit, name = (1000, "radius [mm]") if radius else (1, "scale of all radii [-]")
-    values = unit * np.array([row.value for row in result.rows])
-    planned = [(unit * row.value, row.duration) for row in result.rows if row.duration is not None]
-    options = {**line_style(number), "linewidth": 1.0}
-    axis.plot(
-        *np.reshape(planned, (-1, 2)).T, "o", label=label or "certified trajectory", **options
-    )
-    if values[-1] > _WIDE * values[0]:
-        axis.set_xscale("log")
-        axis.set_xticks(values, [f"{value:.3g}" for value in values], minor=False)
-        axis.set_xticks([], minor=True)
-    for row, value in zip(result.rows, values, strict=True):
-        if row.duration is None:
-            draw_gap(axis, value, str(row.status).replace("_", " "))
-        elif row.elasticity is not None:
-            others = values[values != value]
-            nearest = min(abs(others / value - 1)) if len(others) else 1.0
-            half = float(min(_TANGENT * nearest, 0.5))
-            _draw_slope(axis, value, half, row.duration, row.elasticity)
-    axis.set(xlabel=name, ylabel="duration [s]")
-    axis.grid(alpha=0.25)
-    axis.legend(fontsize=8)
 
 
 def draw_gap(axis: "Axes", value: float, reason: str) -> None:
