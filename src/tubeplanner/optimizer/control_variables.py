@@ -118,13 +118,7 @@ class ControlVariables:
     ) -> FloatArray | None:
         """Return control points (K, n) after a step (F, n), the tool still at an open goal.
 
-        Args:
-            control_points: Before the step, shape (K, n).
-            step: Of the variables, shape (F, n).
-            start: The configuration of a start that moves, after the step, shape (n,).
-
-        Returns:
-            None if the tool cannot be kept there.
+        A start that moves is then at `start`, shape (n,). None if the tool cannot be kept there.
         """
         points = control_points + self.change(step)
         # Corrections are spread over the whole motion: at an end alone, on its short knot
@@ -245,12 +239,8 @@ class LegShape(NamedTuple):
 def shared_columns(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[IntArray, ...]:
     """Return the program's variables of every leg, shape (V,) each.
 
-    Each in the leg's own order: configurations, switching times, eta, elastic variable.
-
-    Args:
-        legs: The legs.
-        is_tied: Whether each leg's last configuration is the first of the next leg, the first leg
-            being next to the last.
+    Each in the leg's own order: configurations, switching times, eta, elastic variable. The last
+    configuration of a tied leg is the first of the next leg; the first leg is next to the last.
     """
     numbers, count = _numbers(legs, is_tied)
     joints = legs[0].joints

@@ -147,12 +147,8 @@ class Linearization:
     def corrected(self, step: Step, trial: Iterate, slack: FloatArray) -> Slack:
         """Return the slack corrected for curvature, the error of a first step's prediction.
 
-        Planes are added where the trial is outside.
-
-        Args:
-            step: The first step.
-            trial: The iterate after it.
-            slack: The rows' slack there, by their numbers.
+        Planes are added where the trial after the step is outside; `slack` is that of the rows
+        there, by their numbers.
         """
         rows = self._rows
         predicted = self._slack_after(step) - self._is_elastic * step.elastic

@@ -93,13 +93,7 @@ class DistancesAlong:
     """Required distances of P pairs at samples of a spline."""
 
     def __init__(self, problem: PlanningProblem, ends: FloatArray, slack: float) -> None:
-        """Take a problem and the ends of its motions.
-
-        Args:
-            problem: The planning problem.
-            ends: Start and goal configuration, shape (2, n).
-            slack: Additional distance from obstacles [m].
-        """
+        """Take a problem, start and goal (2, n), and an additional distance from obstacles [m]."""
         self._problem = problem
         self._required = RequiredDistances(problem, ends[0], ends[1], slack)
 
@@ -115,16 +109,9 @@ class DistancesAlong:
     def of_pairs(
         self, grid: KnotGrid, samples: Samples, q: FloatArray, pair: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the required distance of a pair at each sample, and its derivative.
+        """Return the required distance of one pair at each of N samples, and its derivative.
 
-        Args:
-            grid: Of the spline.
-            samples: N samples.
-            q: Configurations there, shape (N, n).
-            pair: Of the P pairs, shape (N,).
-
-        Returns:
-            Distances (N,) [m] and their derivatives by the joints (N, n) [m/rad or 1].
+        Distances (N,) [m] and their derivatives by the joints (N, n) [m/rad or 1] at q (N, n).
         """
         change = np.zeros(q.shape)
         if self._required.is_constant:

@@ -96,14 +96,10 @@ class IntervalMotion:
         return placed
 
     def chained(self, by_path: Mapping[int, FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Return the derivatives of I quantities of each sample.
+        """Return the derivatives of I quantities of each sample, as `SampledSpline.chained`.
 
-        Args:
-            by_path: By the path, as for `SampledSpline.chained`.
-
-        Returns:
-            By the control points of the interval and the next, (M, 3, I, 5, n), and by the
-            switching times, (M, 3, I, S).
+        By the control points of the interval and the next, (M, 3, I, 5, n), and by the switching
+        times, (M, 3, I, S).
         """
         control, switching = self._at.chained(by_path)
         control = self.at_samples(control)
@@ -204,10 +200,7 @@ _MIN_WORK = 1e-9  # [J]
 def objective_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: float) -> Weighted:
     """Return the measures of the problem's objective, with the weights of their logarithms.
 
-    Args:
-        problem: The planning problem.
-        spline: A motion to take scales from.
-        run_in: Its duration [s].
+    A motion of a duration `run_in` [s] gives the scales.
     """
     smooth = smoothness_measures(problem, spline, run_in)
     objective, robot = problem.objective or Objective(), problem.robot
@@ -336,13 +329,7 @@ _LOOKS = 200
 
 
 def smoothness_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: float) -> Weighted:
-    """Return effort rate, effort variation and jerk, in the scales of a motion.
-
-    Args:
-        problem: The planning problem.
-        spline: The motion.
-        run_in: Its duration [s].
-    """
+    """Return effort rate, effort variation and jerk, in the scales of a motion of a duration."""
     option_sets = spline.grid.samples_at(spline.switching_times, np.linspace(0.0, 1.0, _LOOKS))
     at = sampled(spline, option_sets)
     travel = np.ptp(at.position, axis=0)

@@ -268,14 +268,11 @@ class PhasedSpline:
     control_points: FloatArray
 
     def end_directions(self, samples: Samples, slow: FloatArray) -> FloatArray:
-        """Return the signs of the velocities of joints near start and goal, shape (N, n).
+        """Return the signs of the velocities of joints near start and goal, (N, n); nan elsewhere.
 
         The sign holds while the control points of the velocity have one sign, up to the first that
-        is not slow; where they reverse before, in the first knot interval alone, and in the last.
-
-        Args:
-            samples: N samples; nan at samples farther inside.
-            slow: Largest velocity of slow joints, shape (n,) [rad or m per unit of x].
+        is not slow, as fast as `slow` (n,) [rad or m per unit of x]; where they reverse before, in
+        the first knot interval alone, and in the last.
         """
         knots, last = self.grid.knots(self.switching_times), self.grid.interval_count - 1
         spans = (knots[1 + DEGREE : -1] - knots[1 : -1 - DEGREE]) / DEGREE
@@ -359,11 +356,9 @@ class SampledSpline:
         return by_switching.reshape(switches, orders, count, joints), None
 
     def change(self, control: FloatArray, switching: FloatArray) -> FloatArray:
-        """Return the change of positions by a step, to first order, shape (N, n).
+        """Return the change of positions by a step to first order, (N, n).
 
-        Args:
-            control: Change of the control points, shape (K, n).
-            switching: Change of the inner switching times, shape (m-1,).
+        The step is one of control points, (K, n), and of inner switching times, (m-1,).
         """
         change: FloatArray = _sums(self.basis[:1], self.first, control)[0]
         if switching.any():
@@ -375,13 +370,8 @@ class SampledSpline:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the derivatives of I quantities of each sample by a step, by the chain rule.
 
-        Args:
-            by_path: Their derivatives by position (0) and by its derivatives by x, each (N, I, n).
-            samples: The samples of the quantities, if not all.
-
-        Returns:
-            By the four control points that count, (N, I, 4, n), and by the inner switching times,
-            (N, I, m-1).
+        By the four control points that count, (N, I, 4, n), and by the inner switching times,
+        (N, I, m-1), from those by position (0) and by its derivatives by x, each (N, I, n).
         """
         quantities, joints = next(iter(by_path.values())).shape[1:]
         if _chained is None:

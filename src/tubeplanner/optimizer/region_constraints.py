@@ -110,13 +110,9 @@ class EvaluatedRegions:
         return Planes(sample, normal[kind, sample], self.segment[sample])
 
     def planes_where_outside(self, vector: FloatArray, elastic: float) -> Planes:
-        """Return the tangent planes at other vectors (N, 3) that are outside.
+        """Return the tangent planes at other vectors (N, 3) outside by more than `elastic` [radii].
 
         A sample in a chain gets the plane of the segment that it would then be in.
-
-        Args:
-            vector: The other vectors.
-            elastic: Allowed distance outside, in radii.
         """
         segment = self.segment if self.segments is None else self.segments.at(vector)
         outside = np.flatnonzero(self._excess_of(vector, segment) > elastic + _OUTSIDE)
@@ -128,23 +124,13 @@ class EvaluatedRegions:
         return planes.where(self.slack(planes, vector - self.vector) < -elastic)
 
     def after(self, control: FloatArray, switching: FloatArray) -> FloatArray:
-        """Return the vectors after a step, to first order, shape (N, 3).
-
-        Args:
-            control: Change of the control points, shape (K, n).
-            switching: Change of the inner switching times, shape (m-1,).
-        """
+        """Return the vectors (N, 3) after a step, as of `SampledSpline.change`, to first order."""
         change = self.at.change(control, switching)
         after: FloatArray = self.vector + np.einsum("nij,nj->ni", self._by_joint, change)
         return after
 
     def slack(self, planes: Planes, bend: FloatArray | None = None) -> FloatArray:
-        """Return the distance of the vectors behind planes, in radii, shape (P,).
-
-        Args:
-            planes: The planes.
-            bend: Added to the vectors, shape (N, 3).
-        """
+        """Return the distance of the vectors, plus `bend` (N, 3), behind planes, in radii, (P,)."""
         vector = self.vector if bend is None else self.vector + bend
         at, normal, regions, own = planes.sample, planes.normal, self.regions, self.segment
         extent, other = (regions.extent(normal, each) for each in (own[at], planes.segment))

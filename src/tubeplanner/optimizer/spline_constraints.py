@@ -199,9 +199,7 @@ class SplineConstraints:
     def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
         """Return the rows of all constraints but regions, and 1 for elastic ones, else 0.
 
-        Args:
-            current: The spline.
-            size: Largest step; rows that it cannot break are left out. None: all rows.
+        Rows that a largest step cannot break are left out; None: all rows.
         """
         parts, elastic, count = [], [], 0
         for constraint in current.constraints:
@@ -222,10 +220,7 @@ class SplineConstraints:
     def slack(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
         """Return the slack at a trial of a spline's rows, by their numbers.
 
-        Args:
-            current: The spline.
-            trial: The spline after a step.
-            squared_duration: The trial's, as a multiple of the spline's.
+        The squared duration is the trial's, as a multiple of the spline's.
         """
         duration = current.duration
         parts = [constraint.slack(duration, squared_duration) for constraint in trial.constraints]

@@ -25,13 +25,7 @@ class StepCost:
     """The quadratic costs of steps on one knot grid."""
 
     def __init__(self, variables: ControlVariables, grid: KnotGrid, joints: int) -> None:
-        """Find the pattern of the Hessian.
-
-        Args:
-            variables: The variable control points.
-            grid: The splines' knots.
-            joints: Number of joints.
-        """
+        """Find the pattern of the Hessian."""
         self._variables, self._intervals = variables, grid.interval_count
         self._weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
         count, others = len(variables.lower), grid.switch_count + DURATION_AND_ELASTIC
@@ -81,14 +75,9 @@ class StepCost:
         return Quadratic(hessian, gradient)
 
     def squared_rates(self, spline: PhasedSpline, step: FloatArray, switching: FloatArray) -> float:
-        """Return the integral of the squared rates of a step, run in 1 s.
+        """Return the integral of the squared rates of a step (F, n), (S,) of a spline, run in 1 s.
 
         About: knots count as evenly spaced, and so does the motion where phases change widths.
-
-        Args:
-            spline: The spline before the step.
-            step: Of the variables, shape (F, n).
-            switching: Of the switching times, shape (S,).
         """
         rates = self._squared_rates(self._variables.change(step))
         if self._switches:
@@ -158,13 +147,9 @@ class IntervalBlocks:
     def __init__(
         self, variables: ControlVariables, intervals: int, points: int, switches: int
     ) -> None:
-        """Find the pattern.
+        """Find the pattern of M intervals with P control points each and S moving switching times.
 
-        Args:
-            variables: The variable control points.
-            intervals: Number M of knot intervals.
-            points: Number P of control points of an interval, from that with its number on.
-            switches: Number S of switching times that may move.
+        An interval has the control points from that with its number on.
         """
         free, n = variables.lower.shape
         # The last intervals have fewer control points.
@@ -186,10 +171,8 @@ class IntervalBlocks:
     def matrix(self, blocks: FloatArray, mixed: FloatArray, corner: FloatArray) -> SymmetricEntries:
         """Return the sum of symmetric blocks.
 
-        Args:
-            blocks: By the control points of every interval, shape (M, P n, P n).
-            mixed: By control points and switching times, shape (M, P n, S).
-            corner: By the switching times alone, of all intervals, shape (S, S).
+        By the control points of every interval, (M, P n, P n), by these and switching times,
+        (M, P n, S), and by the switching times alone, of all intervals, (S, S).
         """
         shared = np.broadcast_to(corner / len(blocks), (len(blocks), *corner.shape))
         below = np.concatenate([np.swapaxes(mixed, 1, 2), shared], axis=2)
@@ -198,12 +181,7 @@ class IntervalBlocks:
         return SymmetricEntries(self._row, self._column, data, self._size)
 
     def vector(self, by_control: FloatArray, by_switching: FloatArray) -> FloatArray:
-        """Return the sum of vectors, without duration and elastic variable.
-
-        Args:
-            by_control: By the control points of every interval, shape (M, P n).
-            by_switching: By the switching times, of all intervals, shape (S,).
-        """
+        """Return the sum of vectors (M, P n) and (S,), without duration and elastic variable."""
         is_free = self._index != FIXED
         size = self._size - DURATION_AND_ELASTIC
         total = np.bincount(self._index[is_free], by_control[is_free], size).astype(float)

@@ -53,12 +53,7 @@ def largest_kink(tube: Tube, runs: tuple[range, ...], spacing: float) -> float:
     """Return the largest distance outside chains between samples inside, in radii.
 
     On the inner side of a corner the tool is farthest from both legs where it passes from one to
-    the other.
-
-    Args:
-        tube: The tube.
-        runs: The segments of every phase.
-        spacing: Of the samples along the path [m].
+    the other. Samples have a spacing along the path [m].
     """
     inner = np.ones(tube.segment_count - 1, dtype=bool)
     inner[[run.stop - 1 for run in runs[:-1]]] = False
@@ -69,11 +64,7 @@ def sharpest_bend(tube: Tube, runs: tuple[range, ...] = ()) -> float:
     """Return the largest turn of a path over the length of a radius [rad].
 
     Turns in opposite directions add up: the result is the inverse of the radius of curvature, in
-    radii, or noise.
-
-    Args:
-        tube: The tube.
-        runs: The segments of every phase, if only turns within them count.
+    radii, or noise. With runs, the segments of every phase, only turns within them count.
     """
     turns = _turns(tube)
     turns[[run.stop - 1 for run in runs[:-1]]] = 0.0
@@ -202,13 +193,9 @@ class OrderedSegments:
 
 
 def ordered_choice(cost: FloatArray) -> IntArray:
-    """Return the cheapest non-decreasing choice from the first at the first sample to the last.
+    """Return the cheapest non-decreasing choices (N,) from the first to the last of all.
 
-    Args:
-        cost: Of each of m choices at each of N samples, shape (N, m); finite.
-
-    Returns:
-        The choices, shape (N,).
+    The cost is that of each of m choices at each of N samples, shape (N, m); finite.
     """
     cost = cost.copy()
     cost[0, 1:] = cost[-1, :-1] = np.inf
@@ -284,11 +271,9 @@ class _Passage:
         return arc_lengths(self.points)
 
     def _left_out(self, choice: IntArray) -> tuple[IntArray, FloatArray]:
-        """Return the farthest segment that each short cut leaves out, and its distance.
+        """Return the farthest segment that each short cut leaves out, and its distance, (N-1,).
 
-        Returns:
-            For every step between two samples, both of shape (N-1,): the segment, and its distance
-            in radii from the line between them; 0 where no omitted segment counts.
+        The distance in radii is from the line between two samples; 0: no omitted segment counts.
         """
         farthest, fraction = np.zeros(len(choice) - 1, dtype=np.int64), np.zeros(len(choice) - 1)
         left_out = self._along[choice[1:]] - self._along[choice[:-1] + 1]
@@ -320,14 +305,9 @@ class _Passage:
 
 
 def ordered_choice_paying(cost: FloatArray, passing: FloatArray) -> IntArray:
-    """Return the cheapest ordered choice with a cost of choices left out between two samples.
+    """Return the cheapest ordered choice with a cost of choices left out between two samples, (N,).
 
-    Args:
-        cost: As in `ordered_choice`.
-        passing: Cost of a choice between those of a sample and the next, shape (N-1, m).
-
-    Returns:
-        The choices, shape (N,).
+    `passing` is the cost of a choice between those of a sample and the next, shape (N-1, m).
     """
     cost = cost.copy()
     cost[0, 1:] = cost[-1, :-1] = np.inf
@@ -441,15 +421,11 @@ def _with_slack(problem: PlanningProblem, fraction: float) -> PlanningProblem | 
 
 
 def smoothed(points: FloatArray, slack: FloatArray, is_free: BoolArray) -> FloatArray:
-    """Return points near others with about the least sum of squared curvatures.
+    """Return points (N, 3) near others with about the least sum of squared curvatures.
 
     By the alternating direction method of multipliers (Boyd et al., "Distributed optimization and
-    statistical learning", 2011, section 5), which alternates between bending and distance.
-
-    Args:
-        points: Shape (N, 3) [m].
-        slack: Largest shift of each point, shape (N,) [m].
-        is_free: Whether the path may bend at each point at no cost, shape (N,).
+    statistical learning", 2011, section 5), which alternates between bending and distance. Points
+    shift by `slack` (N,) at most [m]; the path bends at no cost at free points (N,).
     """
     from scipy.sparse.linalg import splu
 

@@ -247,8 +247,6 @@ def build_model(
 
     A follower is a joint of its own there; all limits are placeholders. If masses are needed, every
     moving body must have one.
-
-    A follower is a joint of its own there; all limits are placeholders.
     """
     model = _reduced_model(description, group, locked_joints)
     if base is not None:
