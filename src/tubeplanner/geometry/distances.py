@@ -95,16 +95,12 @@ class PlacedShapes:
     def separations(
         self, pairs: IntArray, rotation: FloatArray, position: FloatArray
     ) -> ClosestPoints:
-        """Return the closest points and distances of pairs of shapes.
+        """Return the closest points and distances of pairs (P, 2) of shapes.
 
         Any direction gives a bound: the gap from the end of the first to the begin of the second.
         FCL's nearest points give the best direction nearly always; elsewhere it is improved. Coal
-        gives the direction of shapes that overlap.
-
-        Args:
-            pairs: Shape (P, 2).
-            rotation: Of the bodies of both, shape (P, 2, 3, 3).
-            position: Of the bodies' origins, shape (P, 2, 3) [m].
+        gives the direction of shapes that overlap. Poses of the bodies of both are rotations
+        (P, 2, 3, 3) and positions (P, 2, 3) [m].
 
         Raises:
             ValueError: A pose is not finite: FCL would end the process.
@@ -314,26 +310,16 @@ def separating_directions(
     enough: float = np.inf,
     loose: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the gaps between the hulls of two sets of points, and their unit vectors.
+    """Return the gaps between two hulls in N poses (N,) [m], and their unit vectors (N, 3).
 
     Gilbert's iteration ("An iterative procedure for computing the minimum of a quadratic form on a
-    convex set", 1966) towards the shortest vector between both hulls, on all configurations
-    together; each ends as soon as it has enough.
-
-    Args:
-        first: Points of the first set, shape (V, 3) [m].
-        second: Points of the second set, in its frame, shape (W, 3) [m].
-        rotation: Rotations of the first set into the frame of the second, shape (N, 3, 3).
-        moved: Origin of the first set in the frame of the second, shape (N, 3) [m].
-        gap: From any point of the first hull to any of the second, to begin with, (N, 3) [m].
-        max_steps: Of the iteration.
-        enough: A distance beyond which it does not matter [m].
-        loose: Accepted shortfall of the distances [m].
-
-    Returns:
-        Distances (N,) [m], never above the true distances, except by rounding, and unit vectors (N,
-        3) from the first towards the second hull, in the frame of the second. Where hulls overlap a
-        distance is negative, and says nothing about the depth.
+    convex set", 1966) towards the shortest vector between both hulls, on all poses together; each
+    ends as soon as its gap is `enough`, or at most `loose` short of the distance [m]. Gaps are
+    never above the distances, except by rounding. Vectors point from the first towards the second
+    hull, in the frame of the second. Where hulls overlap a gap is negative, and says nothing about
+    the depth. The first set (V, 3) has rotations (N, 3, 3)
+    and origins (N, 3) in the frame of the second (W, 3); iterations begin with gaps (N, 3) from any
+    point of the first hull to any of the second [m].
     """
     bound, normal = np.full(len(gap), -np.inf), np.zeros_like(gap)
     live, upper = np.arange(len(gap)), np.full(len(gap), np.inf)

@@ -2,9 +2,10 @@
 
 import heapq
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import count, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -317,25 +318,22 @@ class Cover:
     outer_error: float
 
 
-@dataclass(order=True)
-class _Piece:
-    """A piece and its priority: the piece with the largest distance from the surface comes first.
+class _Piece(NamedTuple):
+    """A piece on a heap: the piece with the largest distance from the surface comes first.
 
     Attributes:
-        rank: Minus the distance from the surface, where that matters [m], and a running number.
+        rank: Minus the distance from the surface, where that matters [m].
+        number: In the order in which pieces were cut.
         piece: The piece.
         probes: Probes near it, shape (N, 3) [m].
         matters: Upper bound on the part of its distance that matters [m].
     """
 
-    rank: tuple[float, int]
-    piece: MeshPiece = field(compare=False)
-    probes: FloatArray | None = field(compare=False)
-    matters: float = field(compare=False)
-
-    @property
-    def error(self) -> float:
-        return -self.rank[0]
+    rank: float
+    number: int
+    piece: MeshPiece
+    probes: FloatArray | None
+    matters: float
 
 
 def fine_cover(
@@ -346,58 +344,24 @@ def fine_cover(
     outer_error: float = OUTER_ERROR,
     max_pieces: int = MAX_PIECES,
 ) -> Cover:
-    """Return a close cover of a solid.
+    """Return a cover of a solid by at most `max_pieces` shapes, cut where it is not close [m].
 
-    Args:
-        solid: With triangles that are closed, see `MeshSolid.filled`.
-        probes: Points that the cover should leave out, outside of the solid, shape (N, 3) [m]; only
-            pieces with probes in or near them are cut. None: all pieces matter.
-        cuts: Made in any case: axis and coordinate [m].
-        outer_error: Pieces nearer to the surface are not cut [m].
-        max_pieces: Upper bound on the number of shapes.
+    The solid's triangles are closed, see `MeshSolid.filled`. The cover should leave out probes
+    (N, 3) outside of it [m]: only pieces with probes in or near them are cut; without probes all
+    matter. Cuts, each an axis and a coordinate [m], are made in any case.
     """
-    search = _Search(solid)
-    for piece in search.beginning(cuts):
-        search.add(piece, probes)
-    while search.waiting and search.count < max_pieces:
-        worst = heapq.heappop(search.waiting)
-        if worst.error <= outer_error:
-            worst = search.looked_at_closely(worst)
-        parts = worst.piece.cut() if worst.error > outer_error else None
-        if parts is None:
-            search.done.append(worst)
-            continue
-        for part in parts:
-            search.add(part, worst.probes)
-    return search.cover()
+    rng, numbers = np.random.default_rng(_SEED), count()
+    waiting: list[_Piece] = []
+    done: list[_Piece] = []
 
+    def standoff(piece: MeshPiece, matters: float, samples: int) -> float:
+        """Return a piece's distance from the surface, where that matters [m]."""
+        if matters <= 0:
+            return 0.0
+        distance = solid.distance(piece.hull_samples(rng, samples))
+        return min(matters, float(distance.max(initial=0.0)))
 
-class _Search:
-    """The pieces so far: pieces to cut, the worst first, and finished pieces."""
-
-    def __init__(self, solid: MeshSolid) -> None:
-        self._solid, self._rng = solid, np.random.default_rng(_SEED)
-        self._added = 0
-        self.waiting: list[_Piece] = []
-        self.done: list[_Piece] = []
-
-    @property
-    def count(self) -> int:
-        return len(self.waiting) + len(self.done)
-
-    def beginning(self, cuts: Sequence[tuple[int, float]]) -> list[MeshPiece]:
-        """Return the solid in pieces, cut at planes."""
-        everywhere = np.full(3, np.inf)
-        whole = MeshPiece(self._solid.triangles, -everywhere, everywhere, self._solid.contains)
-        pieces = [whole]
-        for axis, height in cuts:
-            parts = [
-                piece.part(axis, height, below=below) for piece in pieces for below in (True, False)
-            ]
-            pieces = [part for part in parts if not part.is_empty]
-        return pieces
-
-    def add(self, piece: MeshPiece, probes: FloatArray | None) -> None:
+    def add(piece: MeshPiece, probes: FloatArray | None) -> None:
         """Add a piece, with the probes in or near the piece."""
         matters = np.inf
         if probes is not None:
@@ -405,25 +369,29 @@ class _Search:
             matters = _NEAR - float(outside.min(initial=_NEAR))
             probes = probes[outside < _NEAR]
             if len(probes) > _MAX_PROBES:
-                probes = self._rng.choice(probes, _MAX_PROBES, replace=False)
-        error = self._standoff(piece, matters, _FEW_SAMPLES)
-        heapq.heappush(self.waiting, _Piece((-error, self._added), piece, probes, matters))
-        self._added += 1
+                probes = rng.choice(probes, _MAX_PROBES, replace=False)
+        rank = -standoff(piece, matters, _FEW_SAMPLES)
+        heapq.heappush(waiting, _Piece(rank, next(numbers), piece, probes, matters))
 
-    def looked_at_closely(self, entry: _Piece) -> _Piece:
-        """Return a piece with its distance from the surface measured at more points."""
-        error = max(entry.error, self._standoff(entry.piece, entry.matters, _MANY_SAMPLES))
-        return replace(entry, rank=(-error, entry.rank[1]))
-
-    def _standoff(self, piece: MeshPiece, matters: float, count: int) -> float:
-        """Return a piece's distance from the surface, where that matters, see `_Piece` [m]."""
-        if matters <= 0:
-            return 0.0
-        samples = piece.hull_samples(self._rng, count)
-        return min(matters, float(self._solid.distance(samples).max(initial=0.0)))
-
-    def cover(self) -> Cover:
-        """Return the cover by all pieces."""
-        pieces = [*self.done, *self.waiting]
-        shapes = tuple(each.piece.shape() for each in pieces)
-        return Cover(shapes, max(each.error for each in pieces))
+    everywhere = np.full(3, np.inf)
+    pieces = [MeshPiece(solid.triangles, -everywhere, everywhere, solid.contains)]
+    for axis, height in cuts:
+        parts = (
+            piece.part(axis, height, below=below) for piece in pieces for below in (True, False)
+        )
+        pieces = [part for part in parts if not part.is_empty]
+    for piece in pieces:
+        add(piece, probes)
+    while waiting and len(waiting) + len(done) < max_pieces:
+        worst = heapq.heappop(waiting)
+        if -worst.rank <= outer_error:
+            closer_look = standoff(worst.piece, worst.matters, _MANY_SAMPLES)
+            worst = worst._replace(rank=min(worst.rank, -closer_look))
+        halves = worst.piece.cut() if -worst.rank > outer_error else None
+        if halves is None:
+            done.append(worst)
+        for half in halves or ():
+            add(half, worst.probes)
+    result = [*done, *waiting]
+    shapes = tuple(each.piece.shape() for each in result)
+    return Cover(shapes, max(-each.rank for each in result))

@@ -298,18 +298,13 @@ def open_mesh_texts(meshes: Mapping[str, Mapping[str, int]]) -> list[str]:
 
 
 def taken(obstacle: Obstacle, tool_frame: FloatArray) -> AttachedSolid:
-    """Return an obstacle as a solid attached to a tool.
-
-    Args:
-        obstacle: In the base frame.
-        tool_frame: Pose of the tool frame at that instant, base frame, shape (4, 4).
-    """
+    """Return an obstacle as attached to a tool with a pose (4, 4) in the base frame."""
     shapes, contents = _moved(obstacle, np.array(np.linalg.inv(tool_frame), dtype=float))
     return AttachedSolid(obstacle.name, shapes, contents=contents)
 
 
 def left(solid: AttachedSolid, tool_frame: FloatArray) -> Obstacle:
-    """Return an attached solid as the obstacle that the tool puts down; arguments as of `taken`."""
+    """Return an attached solid as the obstacle that the tool puts down; the pose as of `taken`."""
     shapes, contents = _moved(solid, tool_frame)
     return Obstacle(solid.name, shapes, contents)
 

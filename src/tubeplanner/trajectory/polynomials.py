@@ -217,20 +217,12 @@ def knot_intervals(knots: FloatArray, degree: int, x: FloatArray) -> IntArray:
 
 
 def basis_functions(knots: FloatArray, degree: int, span: IntArray, x: FloatArray) -> FloatArray:
-    """Return the basis functions that are not zero at each x, and their derivatives.
+    """Return the basis functions that are not zero at each x (N,), and their derivatives.
 
-    By the recursions of Cox and de Boor (Piegl & Tiller, "The NURBS Book", 1997, equations 2.5 and
-    2.9): a derivative at one degree comes from the derivative of the order before at the degree
-    below. Knots and x may be complex, in the order of their real parts.
-
-    Args:
-        knots: Clamped knot vector.
-        degree: Of the spline.
-        span: Index of the knot at the beginning of the interval of each x, shape (N,).
-        x: Shape (N,).
-
-    Returns:
-        By order, x and control point, from span - degree on, shape (degree+1, N, degree+1).
+    By order, x and control point, from span - degree on, shape (degree+1, N, degree+1); spans are
+    as of `knot_intervals`. By the recursions of Cox and de Boor (Piegl & Tiller, "The NURBS Book",
+    1997, equations 2.5 and 2.9): a derivative at one degree comes from the derivative of the order
+    before at the degree below. Knots and x may be complex, in the order of their real parts.
     """
     dtype = np.result_type(knots, x, float)
     functions = np.ones((1, len(x), 1), dtype=dtype)
@@ -267,14 +259,9 @@ def fitted_control_points(
 ) -> FloatArray:
     """Return the control points (K, n) of the least-squares spline at rest at both ends.
 
-    Args:
-        knots: Clamped, shape (K+degree+1,) [s].
-        degree: Of the spline, at least 3.
-        times: Shape (N,) [s].
-        path: Configurations at these times, shape (N, n).
-        ends: Start and goal, each (n,): the first and the last three control points.
-        draw: Weight of the squared distance of control points to the joint line from start to
-            goal, for control points that no time determines; 0 if there are none.
+    On clamped knots (K+degree+1,) [s] of a degree of at least 3, to configurations (N, n) at times
+    (N,) [s]. The first and the last three control points are the ends, (n,) each. Control points
+    that no time determines need a weight `draw` > 0 of their squared distance to the joint line.
     """
     count = len(knots) - degree - 1
     span = knot_intervals(knots, degree, times)

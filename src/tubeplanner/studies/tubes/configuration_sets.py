@@ -95,10 +95,9 @@ class ConfigurationSet:
     def _moved(
         self, q: FloatArray, targets: FloatArray, rotations: FloatArray | None, near: float = 1.0
     ) -> FloatArray:
-        """Return `moved_tools` of configurations (N, n) within the bounds of the set.
+        """Return `moved_tools` within the bounds; rotation vectors are against the tube's.
 
-        Targets are positions (N, 3) [m] and rotation vectors against the reference there, (N, 3)
-        [rad], or any rotation; `near` is the tolerance as a fraction of that for samples.
+        The tolerance is a fraction `near` of that for samples.
         """
         close = near * np.array([_NEAR_FRACTION * self.radius, _NEAR_TURN]) + _INSIDE
         tube, bounds, rotation = self.problem.tube.rotation, self._rotation_bounds, None
@@ -160,17 +159,10 @@ def moved_tools(
 ) -> FloatArray:
     """Return configurations whose tools are at their targets, or as near as joints let the tools.
 
-    Args:
-        robot: The arm.
-        q: Configurations to start from, shape (N, n), within the bounds.
-        bounds: Lower and upper joint bounds, shape (n,) each.
-        position: Target positions, shape (N, 3) [m].
-        close: Tolerances of position [m] and rotation [rad], shape (2,).
-        rotation: Reference orientations (N, 3, 3), target rotation vectors against these, in their
-            frames, (N, 3) [rad], and True for the components that count (3,); None: any rotation.
-
-    Returns:
-        Shape (N, n).
+    From configurations (N, n) within lower and upper bounds (n,), to positions (N, 3) [m]. A target
+    rotation is reference orientations (N, 3, 3), rotation vectors against these, in their frames,
+    (N, 3) [rad], and True for the components that count (3,); None: any rotation. A target is met
+    within tolerances of position [m] and rotation [rad], `close` (2,).
     """
     if _move is not None:
         table, position = robot.tool_joints, np.ascontiguousarray(position)

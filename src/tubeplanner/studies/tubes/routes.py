@@ -222,7 +222,68 @@ def tool_corners(
     Lines are at most `deviation` [m] from the tool's path along the route. None if not even the
     route itself is free where the tool follows straight lines.
     """
-    return _Corners(space, densified(route, _ROUTE_STEP), deviation).result()
+    route = densified(route, _ROUTE_STEP)
+    tool = space.robot.tool_position(route)
+
+    @cache
+    def line(i: int, j: int) -> FloatArray | None:
+        return _line(space, route[i : j + 1], tool[i : j + 1], deviation)
+
+    def between(i: int, j: int) -> list[int] | None:
+        """Return the corners after sample i, up to sample j."""
+        if line(i, j) is not None:
+            return [j]
+        middle, distance = farthest_from_line(tool, i, j)
+        if distance <= _MIN_DISTANCE:
+            middle = (i + j) // 2
+            gaps = np.linalg.norm(tool[[i, j]] - tool[middle], axis=1)
+            if gaps.min() <= _MIN_DISTANCE:
+                return None
+        before = between(i, middle)
+        after = None if before is None else between(middle, j)
+        return None if before is None or after is None else before + after
+
+    corners = between(0, len(route) - 1)
+    if corners is None:
+        return None
+    corners.insert(0, 0)
+    k = 1
+    while k < len(corners) - 1:
+        if line(corners[k - 1], corners[k + 1]) is None:
+            k += 1
+        else:  # a longer free line makes the corner unnecessary
+            del corners[k]
+            k = max(k - 1, 1)
+    lines = tuple(q for i, j in pairwise(corners) if (q := line(i, j)) is not None)
+    parts = tuple(route[i : j + 1] for i, j in pairwise(corners))
+    return ToolCorners(tool[corners], lines, parts)
+
+
+def _line(
+    space: FreeSpace, route: FloatArray, tool: FloatArray, deviation: float
+) -> FloatArray | None:
+    """Return configurations (P, n) along the line between the ends of a route's part (N, n).
+
+    None if they are not free, or the tool's path (N, 3) deviates from the line.
+    """
+    length = float(np.linalg.norm(tool[-1] - tool[0]))
+    if length < _MIN_DISTANCE or farthest_from_line(tool, 0, len(tool) - 1)[1] > deviation:
+        return None
+    count = max(len(route), int(np.ceil(length / _MAX_STEP)) + 1)
+    fractions = np.linspace(0, 1, count)
+    positions, samples = fractions * (len(route) - 1), np.arange(len(route))
+    guides = np.stack([np.interp(positions, samples, q) for q in route.T], axis=1)
+    line, limits = [route[0]], space.robot.limits
+    bounds = limits.lower_position, limits.upper_position
+    for fraction, guide in zip(fractions[1:], guides[1:], strict=True):
+        target = (1 - fraction) * tool[0] + fraction * tool[-1]
+        solution = solve_position(space.robot, target, line[-1], *bounds, guide)
+        jump = abs(solution.q - line[-1]).max()
+        if solution.error > _ON_LINE or jump > _MAX_JOINT_STEP or not space.is_free(solution.q):
+            return None
+        line.append(solution.q)
+    arrives = abs(line[-1] - route[-1]).max() < _MAX_JOINT_STEP
+    return np.vstack([*line, route[-1:]]) if arrives else None
 
 
 def with_another_corner(space: FreeSpace, corners: ToolCorners, segment: int) -> ToolCorners | None:
@@ -239,69 +300,6 @@ def with_another_corner(space: FreeSpace, corners: ToolCorners, segment: int) ->
     lines[cut] = [*before.lines, *after.lines]
     parts[cut] = [*before.parts, *after.parts]
     return ToolCorners(points, tuple(lines), tuple(parts))
-
-
-class _Corners:
-    """The choice of samples (N, n) of a route whose tool positions become corners."""
-
-    def __init__(self, space: FreeSpace, route: FloatArray, deviation: float) -> None:
-        self._space, self._route, self._deviation = space, route, deviation
-        self._tool = space.robot.tool_position(route)
-        self._line = cache(self._walked)
-
-    def result(self) -> ToolCorners | None:
-        corners = self._between(0, len(self._route) - 1)
-        if corners is None:
-            return None
-        corners.insert(0, 0)
-        k = 1
-        while k < len(corners) - 1:
-            if self._line(corners[k - 1], corners[k + 1]) is None:
-                k += 1
-            else:  # a longer free line makes the corner unnecessary
-                del corners[k]
-                k = max(k - 1, 1)
-        lines = tuple(q for i, j in pairwise(corners) if (q := self._line(i, j)) is not None)
-        parts = tuple(self._route[i : j + 1] for i, j in pairwise(corners))
-        return ToolCorners(self._tool[corners], lines, parts)
-
-    def _between(self, i: int, j: int) -> list[int] | None:
-        """Return the corners after sample i, up to sample j."""
-        if self._line(i, j) is not None:
-            return [j]
-        middle, distance = farthest_from_line(self._tool, i, j)
-        if distance <= _MIN_DISTANCE:
-            middle = (i + j) // 2
-            gaps = np.linalg.norm(self._tool[[i, j]] - self._tool[middle], axis=1)
-            if gaps.min() <= _MIN_DISTANCE:
-                return None
-        before = self._between(i, middle)
-        after = None if before is None else self._between(middle, j)
-        return None if before is None or after is None else before + after
-
-    def _walked(self, i: int, j: int) -> FloatArray | None:
-        """Return configurations (P, n) along the tool's line between samples; None if not free."""
-        route, ends = self._route[i : j + 1], self._tool[[i, j]]
-        length = float(np.linalg.norm(ends[1] - ends[0]))
-        if length < _MIN_DISTANCE or farthest_from_line(self._tool, i, j)[1] > self._deviation:
-            return None
-        count = max(len(route), int(np.ceil(length / _MAX_STEP)) + 1)
-        fractions = np.linspace(0, 1, count)
-        positions, samples = fractions * (len(route) - 1), np.arange(len(route))
-        guides = np.stack([np.interp(positions, samples, q) for q in route.T], axis=1)
-        line, limits = [route[0]], self._space.robot.limits
-        bounds = limits.lower_position, limits.upper_position
-        for fraction, guide in zip(fractions[1:], guides[1:], strict=True):
-            target = (1 - fraction) * ends[0] + fraction * ends[1]
-            solution = solve_position(self._space.robot, target, line[-1], *bounds, guide)
-            jump = abs(solution.q - line[-1]).max()
-            if solution.error > _ON_LINE or jump > _MAX_JOINT_STEP:
-                return None
-            if not self._space.is_free(solution.q):
-                return None
-            line.append(solution.q)
-        arrives = abs(line[-1] - route[-1]).max() < _MAX_JOINT_STEP
-        return np.vstack([*line, route[-1:]]) if arrives else None
 
 
 _POINT_DECIMALS, _RANGE_DECIMALS = 6, 4

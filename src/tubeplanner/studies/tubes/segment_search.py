@@ -66,15 +66,15 @@ class BoxSearch:
         already: FloatArray,
         rng: np.random.Generator,
     ) -> None:
-        """Set the goals in each of c directions.
+        """Set the goals in each of c directions, all of shape (c,).
 
         Args:
-            margin: Distance of a box from the point that ends it, as far as there is space, shape
-                (c,); it grows from search to search.
+            margin: Distance of a box from the point that ends it, as far as there is space; it
+                grows from search to search.
             worth: Weight of the logarithm of each size.
             enough: Extents beyond which more counts nothing.
             already: Sizes at extent zero; positive.
-            rng: Random numbers, for the speeds at which boxes grow in each direction.
+            rng: For the speeds at which boxes grow in each direction.
         """
         self._margin, self._rng = margin, rng
         self._worth, self._enough, self._already = worth, enough, already

@@ -68,14 +68,10 @@ def starter_problem(
     xacro_args: Mapping[str, object] | None = None,
     progress: Callable[[object], None] | None = None,
 ) -> StarterProblem:
-    """Return a first problem for a robot.
+    """Return a first problem for a robot by a path, `package://PACKAGE/...`, or `example:NAME`.
 
-    Args:
-        urdf: A path, `package://PACKAGE/...`, or `example:NAME`.
-        tool_frame: The link that carries the tool; None: the likely one.
-        package_dirs: Further folders that hold the packages of `package://` names.
-        xacro_args: Values of the arguments of a URDF that ends in .xacro, by name.
-        progress: Called with a message for each route tried.
+    Without a tool frame the likely link carries the tool. Package folders and the arguments of a
+    URDF that ends in .xacro are as of `load_robot`. Progress is called with a message per route.
 
     Raises:
         RobotError: The URDF is malformed, no joint can move, or a mesh is missing.
