@@ -206,9 +206,8 @@ class PlanningClock:
     def __init__(self, time_limit: float | None, callback: ProgressCallback | None) -> None:
         """Start the clock.
 
-        Args:
-            time_limit: Wall time [s]; None: no limit.
-            callback: Is called with every `Progress`; None: nothing is called.
+        The time limit is wall time [s], None for none; the callback is called with every
+        `Progress`.
 
         Raises:
             OptionError: The callback cannot be called.

@@ -9,7 +9,7 @@ from cases import begun
 
 from tubeplanner import GoalRegion, PlanningProblem, PlanOptions, Seed, Tube, load_robot, plan
 from tubeplanner.optimizer import descent
-from tubeplanner.optimizer.descent import FIRST_PENALTY, Descent, SequentialProgram
+from tubeplanner.optimizer.descent import FIRST_PENALTY, Descent, DescentState, SequentialProgram
 from tubeplanner.optimizer.step_program import Step
 from tubeplanner.optimizer.step_search import MIN_RADIUS, Outcome, TrustRegion, motion_unit
 from tubeplanner.optimizer.tied_legs import TiedLegs
@@ -91,7 +91,7 @@ def corner(bundled):
 def steps(corner, radius, count):
     program, begin = corner
     limits = {"min_gain": 1e-6, "max_steps": count}
-    return program.improved(begin, TrustRegion(radius), FIRST_PENALTY, **limits)
+    return Descent((program,)).improved(DescentState((begin,), TrustRegion(radius)), **limits)
 
 
 @pytest.mark.parametrize("radius", [0.01, 0.05, 0.1, 0.2, 0.4])
@@ -167,7 +167,7 @@ def improved(motions, is_tied, radius, steps=1, announced=lambda iterates: None)
     begin = tuple(program.iterate(motion.spline) for program, motion in pairs)
     limits = {"min_gain": 1e-7, "max_steps": steps, "checkpoint": announced}
     descent = Descent(programs, is_tied)
-    return begin, descent.improved(begin, TrustRegion(radius), FIRST_PENALTY, **limits)
+    return begin, descent.improved(DescentState(begin, TrustRegion(radius)), **limits)
 
 
 def total(iterates):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tubeplanner import LimitOverrides, PlanningProblem, PointSpeed, Seed, Tube, load_robot
 from tubeplanner.limits.path_samples import LimitKey
-from tubeplanner.optimizer.descent import FIRST_PENALTY, SequentialProgram
+from tubeplanner.optimizer.descent import Descent, DescentState, SequentialProgram
 from tubeplanner.optimizer.stages import Refinement, limit_sensitivities
 from tubeplanner.optimizer.step_search import TrustRegion
 
@@ -127,7 +127,9 @@ def polished(problem, spline):
     program = SequentialProgram(problem, spline.grid)
     program.constraints.blend(ROUNDED)
     begin, limits = program.iterate(spline), {"min_gain": 1e-8, "max_steps": 60}
-    return program, program.improved(begin, TrustRegion(0.01), FIRST_PENALTY, **limits).iterate
+    return program, Descent((program,)).improved(
+        DescentState((begin,), TrustRegion(0.01)), **limits
+    ).iterate
 
 
 @pytest.mark.parametrize("name", CASES)

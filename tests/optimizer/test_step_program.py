@@ -11,7 +11,13 @@ from scipy.sparse import csr_matrix
 from tubeplanner import load_problem
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.optimizer.control_variables import LegShape, shared_columns
-from tubeplanner.optimizer.descent import FIRST_PENALTY, Remembered, SequentialProgram
+from tubeplanner.optimizer.descent import (
+    FIRST_PENALTY,
+    Descent,
+    DescentState,
+    Remembered,
+    SequentialProgram,
+)
 from tubeplanner.optimizer.step_program import (
     BandedProgram,
     Block,
@@ -37,7 +43,7 @@ def linearized(name, intervals, trust, **tube):
     spline = begun(problem, intervals)
     program = SequentialProgram(problem, spline.grid)
     begin, limits = program.iterate(spline), {"min_gain": 1e-3, "max_steps": 12}
-    near = program.improved(begin, TrustRegion(0.2), FIRST_PENALTY, **limits).iterate
+    near = Descent((program,)).improved(DescentState((begin,), TrustRegion(0.2)), **limits).iterate
     nothing = Remembered(np.zeros(0, dtype=np.int64), ())
     linear = program.linearized(near, TrustRegion(trust), FIRST_PENALTY, nothing)
     columns = shared_columns([linear.shape], [False])

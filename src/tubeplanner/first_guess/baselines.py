@@ -101,8 +101,8 @@ def smoothed_arc_corners(problem: PlanningProblem, branch: ReferenceBranch) -> B
 
 def taylor(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
     """Joint lines within the tolerance of the tool's lines, joined by quadratic transitions."""
-    result = bounded_deviation(problem, tool_paths(problem, branch, arcs=False))
-    return Baseline(result.trajectory, f"{result.knots} knots")
+    trajectory, knots = bounded_deviation(problem, tool_paths(problem, branch, arcs=False))
+    return Baseline(trajectory, f"{knots} knots")
 
 
 BASELINES: Mapping[str, Callable[[PlanningProblem, ReferenceBranch], Baseline]] = MappingProxyType(

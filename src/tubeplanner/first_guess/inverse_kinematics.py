@@ -2,7 +2,7 @@
 
 import math
 from ctypes import c_int, c_int64
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -98,8 +98,8 @@ class WantedRotation:
     """
 
     reference: FloatArray
-    vector: FloatArray
-    components: BoolArray
+    vector: FloatArray = field(default_factory=lambda: np.zeros(3))
+    components: BoolArray = field(default_factory=lambda: np.ones(3, dtype=bool))
 
     @property
     def parts(self) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -108,11 +108,10 @@ class WantedRotation:
 
     def repeated(self, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return the parts for N configurations: (N, 3, 3), (N, 3) and (N, 3)."""
-        reference, vector, components = self.parts
         return (
-            np.broadcast_to(reference, (count, 3, 3)),
-            np.broadcast_to(vector, (count, 3)),
-            np.broadcast_to(components, (count, 3)),
+            np.broadcast_to(self.reference, (count, 3, 3)),
+            np.broadcast_to(self.vector, (count, 3)),
+            np.broadcast_to(self.components, (count, 3)),
         )
 
 
@@ -174,14 +173,7 @@ def solve_positions(
 ) -> tuple[FloatArray, FloatArray]:
     """Move configurations until the tool is at positions, as `solve_position` moves each.
 
-    Args:
-        robot: The arm.
-        targets: Tool positions, shape (N, 3), or (3,) for all, base frame [m].
-        seeds: First configurations, shape (N, n) [rad or m].
-        lower: Lower joint bounds, shape (N, n), or (n,) for all.
-        upper: Upper joint bounds, shape (N, n), or (n,) for all.
-        preferred: Pulls redundant joints, shape (N, n), or (n,) for all; default: the seeds.
-        rotation: Target orientation of the tool at all positions; default: any.
+    Seeds have shape (N, n), targets (N, 3) or (3,) for all, other arrays (N, n) or (n,) for all.
 
     Returns:
         Configurations (N, n) within the bounds, and their errors (N, 2): of the position [m] and
@@ -345,17 +337,8 @@ def solve_within_tolerance(
 ) -> PositionSolution:
     """Move a configuration until the tool is at a position and within a rotation tolerance.
 
-    Args:
-        robot: The arm.
-        target: Tool position, shape (3,), base frame [m].
-        tube: The rotation tolerance.
-        rows: Rows of the tolerance that hold there; their reference orientations are the same.
-        seed: First configuration, shape (n,) [rad or m].
-        lower: Lower joint bounds, shape (n,).
-        upper: Upper joint bounds, shape (n,).
-
-    Returns:
-        The nearest solution; its rotation error is the distance outside the tolerance.
+    Arrays are those of `solve_position`. The rows of the tolerance that hold there have the same
+    reference orientation. The rotation error of the solution is the distance outside the tolerance.
     """
     from scipy.optimize import least_squares
 

@@ -155,21 +155,12 @@ _TRANSITION_FRACTIONS = (0.49, 0.4, 0.3, 0.2, 0.1)
 _TIMING_ROUNDS, _TIMING_POWER, _SAMPLES_PER_PIECE = 40, 0.5, 8
 
 
-@dataclass(frozen=True, eq=False)
-class BoundedDeviation:
-    """A trajectory by Taylor's scheme.
+def bounded_deviation(
+    problem: PlanningProblem, lines: list[ToolPath]
+) -> tuple[JointTrajectory, int]:
+    """Return the fastest trajectory by Taylor's scheme, and its number of knots.
 
-    Attributes:
-        trajectory: Parabolas and lines, C1, at all limits except jerk.
-        knots: Number of knots.
-    """
-
-    trajectory: JointTrajectory
-    knots: int
-
-
-def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> BoundedDeviation:
-    """Return the fastest trajectory by Taylor's scheme, among trajectories in the tube if any.
+    It is one in the tube if there is any: parabolas and lines, C1, at all limits except jerk.
 
     His time for an interval comes from velocity limits alone; here each interval lasts as long as
     the limits of effort, velocity and acceleration require around it. The radii of the problem are
@@ -186,12 +177,10 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
     knots = np.concatenate(parts)
     trajectories = [_fastest(problem, knots, ratio) for ratio in _TRANSITION_FRACTIONS]
     inside = [
-        trajectory
-        for trajectory in trajectories
-        if first_departure(problem, trajectory, MARGIN_TOLERANCE) is None
+        each for each in trajectories if first_departure(problem, each, MARGIN_TOLERANCE) is None
     ]
     fastest = min(inside or trajectories, key=lambda trajectory: trajectory.duration)
-    return BoundedDeviation(fastest, len(knots))
+    return fastest, len(knots)
 
 
 def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:

@@ -126,7 +126,7 @@ def reaching(
     robot: RobotModel, pose: ToolPose, seeds: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> FloatArray:
     """Return the distinct configurations (c, n) of a pose within bounds, from seeds (s, n)."""
-    rotation = WantedRotation(pose.rotation, np.zeros(3), np.ones(3, dtype=bool))
+    rotation = WantedRotation(pose.rotation)
     preferred = middle_of(lower, upper) if len(seeds) > 1 else None
     q, errors = solve_positions(robot, pose.position, seeds, lower, upper, preferred, rotation)
     distinct: list[FloatArray] = []
@@ -170,7 +170,7 @@ def _reason(problem: PlanningProblem, pose: ToolPose, segment: int) -> str:
     if len(others):
         where = outside_bounds(robot, others, *wide).words
         return f"position limits are in the way of the pose: {where}"
-    rotation = WantedRotation(pose.rotation, np.zeros(3), np.ones(3, dtype=bool))
+    rotation = WantedRotation(pose.rotation)
     errors = solve_positions(robot, pose.position, seeds, -free, free, rotation=rotation)[1]
     distance = float(errors[:, 0].min())
     if distance > _REACHED:

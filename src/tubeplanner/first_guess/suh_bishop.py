@@ -13,7 +13,7 @@ number of knots is part of the question.
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -100,10 +100,10 @@ class PhaseTwoStatistics:
 
     steps: tuple[KnotStep, ...]
     knots: int
-    nodes: int
-    directions: int
-    proved: int
-    budget_reached: bool
+    nodes: int = 0
+    directions: int = 0
+    proved: int = 0
+    budget_reached: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """Return the statistics as JSON values."""
@@ -133,6 +133,7 @@ class SuhBishop:
         best: The fastest certified trajectory so far.
         certificate: The certificate of that trajectory.
         certificate_time: Time that the certificate took [s]; 0 while it is phase 1's.
+        statistics: Statistics so far.
     """
 
     def __init__(
@@ -151,21 +152,7 @@ class SuhBishop:
         self.best, self.certificate, self.certificate_time = candidate, certificate, 0.0
         self._problem, self._first, self._options = problem, candidate, options
         self._checkpoint = checkpoint
-        self._steps: list[KnotStep] = []
-        self._nodes = self._directions = self._proved = 0
-        self._budget_reached = False
-
-    @property
-    def statistics(self) -> PhaseTwoStatistics:
-        """Statistics so far."""
-        return PhaseTwoStatistics(
-            steps=tuple(self._steps),
-            knots=len(self.best.knots),
-            nodes=self._nodes,
-            directions=self._directions,
-            proved=self._proved,
-            budget_reached=self._budget_reached,
-        )
+        self.statistics = PhaseTwoStatistics((), len(candidate.knots))
 
     def run(self) -> None:
         """Move and double knots until doubling gains little, or the budget is used up."""
@@ -209,18 +196,24 @@ class SuhBishop:
         """Return trajectories with knots moved, each by its fraction of a budget of nodes."""
         modified = []
         for i, candidate in enumerate(candidates):
-            fraction = (budget - self._nodes) / (len(candidates) - i)
+            fraction = (budget - self.statistics.nodes) / (len(candidates) - i)
             work = KnotModification(self._problem, candidate, self._options.modification, scale)
             try:
                 work.run(fraction, self._checkpoint)
             finally:  # keep the result even if the checkpoint ends the work
-                self._nodes += work.nodes
-                self._directions += work.directions
-                self._proved += work.proved
-                self._budget_reached |= work.nodes >= fraction
+                now = self.statistics
+                self.statistics = replace(
+                    now,
+                    nodes=now.nodes + work.nodes,
+                    directions=now.directions + work.directions,
+                    proved=now.proved + work.proved,
+                    budget_reached=now.budget_reached or work.nodes >= fraction,
+                )
                 modified.append(self._best_certified(work.candidates))
                 begin, duration = candidate.duration, modified[-1].duration
-                self._steps.append(KnotStep(process, len(candidate.knots), begin, duration))
+                step = KnotStep(process, len(candidate.knots), begin, duration)
+                steps, knots = (*self.statistics.steps, step), len(self.best.knots)
+                self.statistics = replace(self.statistics, steps=steps, knots=knots)
         return modified
 
     def _best_certified(self, candidates: list[KnotTrajectory]) -> KnotTrajectory:

@@ -201,19 +201,7 @@ def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool)
         raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
     radius = problem.tube.effective_radius[moves] if arcs else None
     curves = rounded_polyline(route[np.append(True, moves)], radius)
-    return [follow(problem, branch, curve) for curve in curves]
-
-
-def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) -> ToolPath:
-    """Return the path near a branch whose tool is within 1e-6 m of a curve.
-
-    The branch's configurations are moved to the curve and joined by a cubic spline over their
-    distances; steps that leave the curve at probes are halved.
-
-    Raises:
-        Infeasible: Status unreachable or no_trajectory: the tool cannot follow the curve.
-    """
-    return _Follower(problem, branch, curve).path()
+    return [_Follower(problem, branch, curve).path() for curve in curves]
 
 
 def arc_lengths_on_line(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
@@ -272,7 +260,11 @@ def _route(problem: PlanningProblem, branch: ReferenceBranch) -> FloatArray:
 
 
 class _Follower:
-    """Configurations with the tool on a curve; rows of tables are (*configuration, arc length)."""
+    """Configurations with the tool on a curve; rows of tables are (*configuration, arc length).
+
+    The branch's configurations are moved to the curve and joined by a cubic spline over their
+    distances; steps that leave the curve at probes are halved.
+    """
 
     def __init__(self, problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) -> None:
         self._problem, self._branch, self._curve = problem, branch, curve
@@ -334,11 +326,7 @@ class _Follower:
         return self._problem.tube.segment_number(segment, tool)
 
     def _on_curve(self, table: FloatArray) -> FloatArray:
-        """Return a table with its tools moved onto the curve, orientation kept if bounded.
-
-        Raises:
-            Infeasible: Status unreachable.
-        """
+        """Return a table with its tools moved onto the curve, orientation kept if bounded."""
         problem, result, rotation = self._problem, table.copy(), None
         if problem.rotation is not None:
             rotation, _ = problem.robot.tool_pose(table[:, :-1])
@@ -347,7 +335,7 @@ class _Follower:
             seed, bounds = table[i, :-1], (problem.joint_lower[k], problem.joint_upper[k])
             target = None
             if rotation is not None:
-                target = WantedRotation(rotation[i], np.zeros(3), np.ones(3, dtype=bool))
+                target = WantedRotation(rotation[i])
             solution = solve_position(problem.robot, point, seed, *bounds, rotation=target)
             if solution.error > CURVE_TOLERANCE:
                 reason = explain_error(problem, point, seed, int(k), solution)

@@ -58,11 +58,11 @@ _NOTHING = Remembered(np.zeros(0, dtype=np.int64), ())
 
 
 @dataclass(frozen=True, eq=False)
-class Improved:
-    """Iterates and state at the end of a descent.
+class DescentState:
+    """Iterates and state at the begin or the end of a descent.
 
     Attributes:
-        iterates: The trajectories of the least sum of durations.
+        iterates: The trajectory of each leg.
         trust: The next step's trust region.
         penalty: Weight of the elastic constraints.
         has_ended: Whether the descent converged before the largest number of steps.
@@ -70,7 +70,7 @@ class Improved:
 
     iterates: tuple[Iterate, ...]
     trust: TrustRegion
-    penalty: float
+    penalty: float = FIRST_PENALTY
     has_ended: bool = False
 
     @property
@@ -127,27 +127,6 @@ class SequentialProgram:
         """Return the iterate of a spline, its control points clipped to the joints' bounds."""
         points = self.variables.within_bounds(spline.control_points)
         return self.constraints.at(PhasedSpline(self.grid, spline.switching_times, points))
-
-    def improved(
-        self,
-        current: Iterate,
-        trust: TrustRegion,
-        penalty: float,
-        *,
-        min_gain: float,
-        max_steps: int,
-        checkpoint: Callable[[Iterate], None] = lambda iterate: None,
-    ) -> Improved:
-        """Return a shorter trajectory, or the first iterate; see `Descent.improved`."""
-        descent = Descent((self,), (False,))
-        return descent.improved(
-            (current,),
-            trust,
-            penalty,
-            min_gain=min_gain,
-            max_steps=max_steps,
-            checkpoint=lambda iterates: checkpoint(*iterates),
-        )
 
     def elasticities(self, current: Iterate) -> dict[LimitKey, float]:
         """Return d ln T / d ln p of an optimal spline, for every limit p: none is positive.
@@ -308,7 +287,9 @@ _MENDED = 0.9
 class Descent:
     """The optimisation of splines, each on a knot grid of its own."""
 
-    def __init__(self, legs: Sequence[SequentialProgram], is_tied: Sequence[bool]) -> None:
+    def __init__(
+        self, legs: Sequence[SequentialProgram], is_tied: Sequence[bool] = (False,)
+    ) -> None:
         """Take legs.
 
         Args:
@@ -319,27 +300,25 @@ class Descent:
 
     def improved(
         self,
-        currents: tuple[Iterate, ...],
-        trust: TrustRegion,
-        penalty: float,
+        begun: DescentState,
         *,
         min_gain: float,
         max_steps: int,
-        checkpoint: Callable[[tuple[Iterate, ...]], None],
-    ) -> Improved:
+        checkpoint: Callable[[tuple[Iterate, ...]], None] = lambda iterates: None,
+    ) -> DescentState:
         """Return trajectories with a smaller sum of durations, or the first iterates.
 
         Args:
-            currents: The first iterates.
-            trust: The first trust region; its unit is that of the trajectories.
-            penalty: First weight of the elastic constraints.
+            begun: The first iterates, trust region and penalty; the unit of the trust region is
+                that of the trajectories.
             min_gain: The descent ends when a step should gain less than this fraction of T^2, or
                 two accepted steps in a row gain less.
             max_steps: Largest number of steps.
             checkpoint: Called with all iterates after each step; it may raise to end the work.
         """
+        currents, penalty = begun.iterates, begun.penalty
         unit = motion_unit(current.spline.control_points for current in currents)
-        trust = replace(trust, unit=unit)
+        trust = replace(begun.trust, unit=unit)
         small_gains, remembered = 0, (_NOTHING,) * len(self._legs)
         for _ in range(max_steps):
             linear = _Linearized(self._legs, self._is_tied, currents, trust, penalty, remembered)
@@ -368,8 +347,8 @@ class Descent:
             if is_small and trust.may_relax:
                 trust, small_gains = trust.relaxed(), 0
             elif is_small or small_gains == 2 or trust.has_collapsed:
-                return Improved(currents, trust, penalty, has_ended=True)
-        return Improved(currents, trust, penalty, has_ended=False)
+                return DescentState(currents, trust, penalty, has_ended=True)
+        return DescentState(currents, trust, penalty, has_ended=False)
 
 
 class _Linearized:

@@ -11,7 +11,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.certificate.verification import Certificate
 from tubeplanner.limits.path_samples import LimitKey
 from tubeplanner.limits.time_scaling import minimum_duration
-from tubeplanner.optimizer.descent import FIRST_PENALTY, Improved, SequentialProgram
+from tubeplanner.optimizer.descent import FIRST_PENALTY, Descent, DescentState, SequentialProgram
 from tubeplanner.optimizer.link_constraints import LinkConstraints
 from tubeplanner.optimizer.motion_measures import objective_measures
 from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline, segments_of_pieces
@@ -242,20 +242,16 @@ class Refinement(Stage):
 
     def _improved(
         self, current: Iterate, radius: float, min_gain: float, max_steps: int
-    ) -> Improved:
+    ) -> DescentState:
         """Return a shorter trajectory; the next descent begins with its penalty and damping."""
-        result = self._program.improved(
-            current,
-            replace(self._trust, radius=radius),
-            self._penalty,
-            min_gain=min_gain,
-            max_steps=max_steps,
-            checkpoint=self._checkpoint,
+        begun = DescentState((current,), replace(self._trust, radius=radius), self._penalty)
+        result = Descent((self._program,)).improved(
+            begun, min_gain=min_gain, max_steps=max_steps, checkpoint=self._checkpoint
         )
         self._penalty, self._trust = result.penalty, result.trust
         return result
 
-    def _exchange(self, result: Improved) -> None:
+    def _exchange(self, result: DescentState) -> None:
         """Set the best trajectory between samples too, adding samples where constraints fail."""
         best, dodges = None, 0
         if self._program.constraints.blend(BLENDED):
@@ -278,7 +274,8 @@ class Refinement(Stage):
             result = self._improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
         self._best = best or result.iterate
 
-    def _checkpoint(self, iterate: Iterate) -> None:
+    def _checkpoint(self, iterates: tuple[Iterate, ...]) -> None:
+        (iterate,) = iterates
         is_widened = (self._radius > self.problem.tube.effective_radius).any()
         if iterate.excess <= MERIT_TOLERANCE and not is_widened:
             self._best = iterate
@@ -299,7 +296,7 @@ def _is_hopeless(coarse: Iterate) -> bool:
     return bool(coarse.links.excess.max(initial=0.0) > _HOPELESS)
 
 
-def _has_settled_inside(result: Improved) -> bool:
+def _has_settled_inside(result: DescentState) -> bool:
     """Return True if links stay in an obstacle at the present samples: more samples ask more."""
     return result.has_ended and _is_hopeless(result.iterate)
 
@@ -462,13 +459,11 @@ class SecondStage(Stage):
     def _improved(self, current: Iterate, trust: TrustRegion) -> bool:
         """Set the best motion, adding samples and links where constraints fail; True if any."""
         for _ in range(_SMOOTHING_ROUNDS):
-            result = self._program.improved(
-                current,
-                trust,
-                self._penalty,
+            result = Descent((self._program,)).improved(
+                DescentState((current,), trust, self._penalty),
                 min_gain=_SMOOTHING_GAIN,
                 max_steps=_SMOOTHING_STEPS,
-                checkpoint=lambda iterate: self._checkpoint_duration(self._longest),
+                checkpoint=lambda iterates: self._checkpoint_duration(self._longest),
             )
             self._penalty = result.penalty
             value = self._objective.value

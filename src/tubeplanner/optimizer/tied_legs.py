@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from tubeplanner.optimizer.control_variables import ControlVariables
-from tubeplanner.optimizer.descent import FIRST_PENALTY, Descent, Improved, SequentialProgram
+from tubeplanner.optimizer.descent import Descent, DescentState, SequentialProgram
 from tubeplanner.optimizer.phased_spline import PhasedSpline
 from tubeplanner.optimizer.rows import MERIT_TOLERANCE
 from tubeplanner.optimizer.spline_constraints import BLENDED, Iterate
@@ -108,7 +108,7 @@ class TiedLegs:
             program.constraints.links.add_samples(spline)
             if ends_openly:  # where links may touch
                 program.constraints.add_samples(spline, 1.0)
-        begun = Improved(_iterates(programs, splines), TrustRegion(_FIRST_TRUST), FIRST_PENALTY)
+        begun = DescentState(_iterates(programs, splines), TrustRegion(_FIRST_TRUST))
         if not np.isfinite(_total(begun.iterates)):
             return begun.iterates
         result = self._improved(descent, begun, _FIRST_STEPS)
@@ -120,15 +120,13 @@ class TiedLegs:
                 break
             again = _iterates(programs, [iterate.spline for iterate in result.iterates])
             trust = replace(result.trust, radius=_LATER_TRUST)
-            begun = Improved(again, trust, result.penalty)
+            begun = DescentState(again, trust, result.penalty)
             result = self._improved(descent, begun, _STEPS_PER_ROUND)
         return result.iterates
 
-    def _improved(self, descent: Descent, begun: Improved, max_steps: int) -> Improved:
+    def _improved(self, descent: Descent, begun: DescentState, max_steps: int) -> DescentState:
         return descent.improved(
-            begun.iterates,
-            begun.trust,
-            begun.penalty,
+            begun,
             min_gain=_GAIN,
             max_steps=max_steps,
             checkpoint=lambda iterates: self._checkpoint(_total(iterates)),

@@ -101,14 +101,14 @@ def require_within_bound(problem: PlanningProblem, *, start_is_known: bool = Tru
     k = int(missing.argmax())
     if missing[k] <= _ROUNDING:
         return
-    location = point_location(problem.tube, k, points[k])
+    location = _point_location(problem.tube, k, points[k])
     x, y, z = (f"{value:.3f}" for value in bound.center)
     tolerance = f" and {allowed[k]:.4g} m of tolerance" if allowed[k] else ""
     unit = " (millimetres?)" if missing[k] > _MANY_REACHES * bound.radius else ""
     raise Infeasible(
         PlanStatus.UNREACHABLE,
         f"{location}: out of reach: the arm reaches {bound.radius:.4g} m from "
-        f"[{x}, {y}, {z}] m, the sum of its links{tolerance}; the {point_name(k, len(points))} is "
+        f"[{x}, {y}, {z}] m, the sum of its links{tolerance}; the {_point_name(k, len(points))} is "
         f"{missing[k]:.3g} m too far{unit}: move it nearer",
         location,
         proved=True,
@@ -136,14 +136,13 @@ def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
     return points, allowed
 
 
-def point_location(tube: Tube, k: int, point: FloatArray) -> Location:
+def _point_location(tube: Tube, k: int, point: FloatArray) -> Location:
     """Return the location of reference point k, or of a point (3,) [m] in its stead."""
     number = tube.segment_number(max(k - 1, 0), point)
     return Location(segment=number, point=int(tube.numbers[k])).at(point)
 
 
-def point_name(k: int, count: int) -> str:
-    """Return the name of the k-th of a number of reference points."""
+def _point_name(k: int, count: int) -> str:
     return "goal" if k == count - 1 else "start" if k == 0 else "reference point"
 
 
@@ -197,9 +196,9 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
         nearest = min(nearest, solve_position(robot, point, seed, -free, free).error)
         if nearest <= allowed[k] + _MAX_SEARCH_ERROR:
             return
-    location = point_location(problem.tube, k, point)
+    location = _point_location(problem.tube, k, point)
     may = f" ({allowed[k]:.4g} m is allowed)" if allowed[k] else ""
-    name = point_name(k, len(points))
+    name = _point_name(k, len(points))
     message = (
         f"{location}: the tool stops {nearest:.4g} m short even without joint limits{may}; move "
         f"the {name} at least {nearest - allowed[k]:.3g} m nearer"
@@ -219,11 +218,11 @@ _RADIUS_FRACTION = 0.5
 
 @dataclass(frozen=True, eq=False)
 class BlockingSample:
-    """A sample of the tool's path.
+    """A sample of the tool's path, in one or two segments of the tube, or the open goal.
 
     Attributes:
         name: Name in messages.
-        segments: The one or two segments of the tube to which the sample belongs.
+        segments: The segments.
         tool: The tool's position, shape (3,) [m].
         allowed: Largest distance of the tool from that position [m].
         location: The position, for messages.

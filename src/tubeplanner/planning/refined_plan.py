@@ -48,17 +48,10 @@ def certified_motion(
 ) -> PlanResult | None:
     """Run a stage and return its result, with samples added where its certificate fails.
 
-    After Ctrl-C or the time limit, certifies the best motion so far.
-
-    Args:
-        problem: The problem for which the motion is certified.
-        stage: A stage of the problem, or of one whose tube lies inside the problem's.
-        clock: The planning's.
-        timed: Retimes the trajectory at its limits before it is certified.
-        needs_reason: Whether a certificate is to give a reason even where the stage gave up.
-
-    Returns:
-        None if the stage gave up and no reason was needed, or nothing was to be certified.
+    After Ctrl-C or the time limit, certifies the best motion so far. The stage is one of the
+    problem, or of a problem whose tube lies inside its tube. `timed` retimes the trajectory at its
+    limits before it is certified. None if the stage gave up and no reason was needed, or nothing
+    was to be certified.
 
     Raises:
         Infeasible: Nothing to start from.
