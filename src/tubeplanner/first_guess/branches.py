@@ -175,11 +175,7 @@ def reference_branch(
 
 
 def end_configurations(problem: PlanningProblem) -> tuple[FloatArray, FloatArray | None]:
-    """Return the configurations (n,) of start and goal; None for an open goal.
-
-    Raises:
-        Infeasible: Status unreachable, as of `end_configuration`.
-    """
+    """Return the configurations (n,) of start and goal; None for an open goal."""
     start, goal = problem.endpoints
     first = end_configuration(problem, start, 0)
     return first, None if goal.is_open else end_configuration(problem, goal, -1)
@@ -310,9 +306,6 @@ def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
     return best.q
 
 
-_JOINT_LINES, _POSITION_ONLY = "joint lines", "position only"
-
-
 class KnownBranches:
     """Branches of the arm along a problem's tube, each computed once, on first use."""
 
@@ -372,25 +365,19 @@ class KnownBranches:
         return self._once(rule, "inverse kinematics along the reference path", search)
 
     def position_only(self) -> ReferenceBranch:
-        """Return a branch whose tool need not keep the rotation tolerance.
-
-        Raises:
-            Infeasible: As of `by_rule`.
-        """
+        """Return a branch whose tool need not keep the rotation tolerance."""
         rule = redundancy_rules(self._problem)[0]
         search = partial(
             reference_branch, self._problem, rule, self._clock.check, with_rotation=False
         )
-        return self._once(_POSITION_ONLY, "inverse kinematics of the tool's position alone", search)
+        return self._once(
+            "position only", "inverse kinematics of the tool's position alone", search
+        )
 
     def joint_lines(self) -> ReferenceBranch:
-        """Return joint lines between the reference points; the tool may leave the tube.
-
-        Raises:
-            Infeasible: As of `by_rule`.
-        """
+        """Return joint lines between the reference points; the tool may leave the tube."""
         search = partial(joint_lines, self._problem)
-        return self._once(_JOINT_LINES, "inverse kinematics at the reference points", search)
+        return self._once("joint lines", "inverse kinematics at the reference points", search)
 
     def _once(
         self, name: str, stage: str, search: Callable[[], ReferenceBranch]
@@ -488,9 +475,6 @@ def _with_missed_ends(problem: PlanningProblem) -> tuple[PlanningProblem, list[s
     """Return a problem with its ends in the tube where the arm misses a reference point, and notes.
 
     A seed's configuration is the one nearest the point; an open goal is the ball about the point.
-
-    Raises:
-        Infeasible: Status unreachable: a seed does not lead into the tube.
     """
     notes: list[str] = []
     for name, point, end in zip(("start", "goal"), (0, -1), problem.endpoints, strict=True):

@@ -98,12 +98,7 @@ def pose_configurations(problem: PlanningProblem, pose: ToolPose, point: int) ->
 
     def rank(q: FloatArray) -> tuple[bool, bool, float]:
         off = float(np.linalg.norm((q - middle) / np.maximum(half, 1e-9)))
-        is_blocked, is_held = not is_free(problem, end, q), True
-        try:
-            require_held(problem, q)
-        except Infeasible:
-            is_held = False
-        return is_blocked, not is_held, off
+        return not is_free(problem, end, q), not is_held(problem, q), off
 
     return np.array(sorted(candidates, key=rank))
 
@@ -117,6 +112,15 @@ def is_free(problem: PlanningProblem, end: str, q: FloatArray) -> bool:
     """Return True if a configuration (n,) keeps its distances to obstacles and links."""
     try:
         require_free(problem, end, q)
+    except Infeasible:
+        return False
+    return True
+
+
+def is_held(problem: PlanningProblem, q: FloatArray) -> bool:
+    """Return True if the motors hold a configuration (n,)."""
+    try:
+        require_held(problem, q)
     except Infeasible:
         return False
     return True

@@ -175,21 +175,18 @@ class SegmentWalk:
         self._allowed = _ALLOWED_RADIUS_FRACTION * float(radius[segment])
         if segment + 1 == len(radius):
             end = problem.open_goal
-            at_end = self._allowed
-            if end is not None:
-                at_end = min(at_end, _GOAL_FRACTION * end.tolerance)
-            self._allowed_at_end = max(at_end, _OPEN_GOAL_TOLERANCE)
+            at_end = np.inf if end is None else _GOAL_FRACTION * end.tolerance
+            self._allowed_at_end = max(min(self._allowed, at_end), _OPEN_GOAL_TOLERANCE)
         else:
             following_radius = float(radius[segment + 1])
             self._allowed_at_end = min(self._allowed, _ALLOWED_RADIUS_FRACTION * following_radius)
-        tube = problem.rotation if with_rotation else None
         length = np.linalg.norm(np.diff(problem.tube.points, axis=0), axis=1)
         self._max_step = float(
             np.clip(_MAX_ROUTE_STEP * length.sum() / length[segment], _MAX_STEP, 1.0)
         )
-        self._rotation = (
-            None if tube is None else ReferenceRotation(problem, tube, segment, begin, goal)
-        )
+        tube, self._rotation = problem.rotation, None
+        if tube is not None and with_rotation:
+            self._rotation = ReferenceRotation(problem, tube, segment, begin, goal)
 
     def to_the_end(self) -> FloatArray:
         """Return the configurations (P, n) from the segment's start to its end.
@@ -275,33 +272,28 @@ class SegmentWalk:
         return (1 - fraction) * self._ends[0] + fraction * self._ends[1]
 
     def _is_off(self, solution: PositionSolution, fraction: float) -> bool:
-        if (
-            self._rotation is not None
-            and self._rotation.off_segment(solution, fraction) is not None
-        ):
-            return True
-        return self._is_away(solution, fraction)
+        rotation = self._rotation
+        turns = rotation is not None and rotation.off_segment(solution, fraction) is not None
+        return turns or self._is_away(solution, fraction)
 
     def _is_away(self, solution: PositionSolution, fraction: float) -> bool:
         return solution.error > (self._allowed_at_end if fraction == 1.0 else self._allowed)
 
     def _give_up(self, fraction: float, q: FloatArray, solution: PositionSolution) -> None:
         point = self._point(fraction)
-        location = Location(segment=self._problem.tube.segment_number(self._segment, point)).at(
-            point
-        )
+        number = self._problem.tube.segment_number(self._segment, point)
+        location = Location(segment=number).at(point)
         where = f"{100 * fraction:.1f} % along {location}"
         jump = abs(solution.q - q)
         joint = self._problem.robot.joint_names[int(jump.argmax())]
         jumps = f"'{joint}' would have to jump by {jump.max():.3f} rad"
-        could_turn = False  # True: the tool could go on with any other orientation
-        if self._rotation is not None:
-            robot = self._problem.robot
-            free = solve_position(robot, point, q, self._lower, self._upper)
-            is_near = bool(abs(free.q - q).max() <= _MAX_JOINT_STEP)
-            could_turn = is_near and not self._is_away(free, fraction)
-        if self._rotation is not None and could_turn:
-            off = self._rotation.off_segment(solution, fraction)
+        rotation = self._rotation
+        if rotation is not None:
+            free = solve_position(self._problem.robot, point, q, self._lower, self._upper)
+            if abs(free.q - q).max() > _MAX_JOINT_STEP or self._is_away(free, fraction):
+                rotation = None
+        if rotation is not None:  # the tool could go on with another orientation
+            off = rotation.off_segment(solution, fraction)
             why = jumps if off is None else rotation_text(solution)
             reason = explain_rotation(self._problem, self._segment if off is None else off, why)
         elif self._is_off(solution, fraction):

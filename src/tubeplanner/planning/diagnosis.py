@@ -18,6 +18,7 @@ from tubeplanner.first_guess.inverse_kinematics import (
 from tubeplanner.first_guess.pose_configurations import (
     OutsideBounds,
     bounded_by,
+    is_held,
     middle_of,
     outside_bounds,
     spread_seeds,
@@ -56,8 +57,7 @@ class ReachBound:
 
     def beyond(self, points: FloatArray) -> FloatArray:
         """Return the distances of points (N, 3) outside the ball, negative inside, (N,) [m]."""
-        outside: FloatArray = np.linalg.norm(points - self.center, axis=1) - self.radius
-        return outside
+        return np.asarray(np.linalg.norm(points - self.center, axis=1) - self.radius)
 
 
 def reach_bound(robot: RobotModel) -> ReachBound:
@@ -363,14 +363,11 @@ class _Configurations:
         return lower.max(axis=0), upper.min(axis=0)
 
     def first(
-        self, bounds: _Bounds, accepts: _Accepts | None = None, *, oriented: bool
+        self, bounds: _Bounds, accepts: _Accepts = lambda q: True, *, oriented: bool
     ) -> FloatArray | None:
-        for solution in self.solutions(bounds, oriented=oriented):
-            if self.is_there(solution, oriented=oriented) and (
-                accepts is None or accepts(solution.q)
-            ):
-                return solution.q
-        return None
+        solutions = self.solutions(bounds, oriented=oriented)
+        there = (each.q for each in solutions if self.is_there(each, oriented=oriented))
+        return next(filter(accepts, there), None)
 
     def solutions(self, bounds: _Bounds, *, oriented: bool) -> Iterator[PositionSolution]:
         """Yield the nearest solutions within bounds from all seeds, here or not.
@@ -416,13 +413,6 @@ class _Configurations:
         turns = np.round((q - middle_of(*self.bounds)) / (2 * np.pi))
         return np.asarray(q - 2 * np.pi * np.where(self.problem.robot.revolute, turns, 0.0))
 
-    def is_held(self, q: FloatArray) -> bool:
-        try:
-            require_held(self.problem, q)
-        except Infeasible:
-            return False
-        return True
-
     def is_free(self, q: FloatArray) -> bool:
         """Return True if a configuration (n,) is free, or nearly so by the tool's allowance."""
         depth = -clear_by(self.problem, q, self.required(q)).min(initial=np.inf)
@@ -463,7 +453,8 @@ def _out_of_bounds(at: _Configurations) -> Infeasible | None:
 
 
 def _not_held(at: _Configurations, *, oriented: bool = False) -> Infeasible | None:
-    return _without(at, at.is_held, lambda q: require_held(at.problem, q), oriented=oriented)
+    holds, require = partial(is_held, at.problem), partial(require_held, at.problem)
+    return _without(at, holds, require, oriented=oriented)
 
 
 def _not_free(at: _Configurations, *, oriented: bool = False) -> Infeasible | None:
