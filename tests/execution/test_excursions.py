@@ -1,6 +1,7 @@
 """Excursions of executed motions from the tube; executed clearances."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -169,7 +170,8 @@ def test_a_hand_over_waits_for_the_signs_that_the_next_segment_asks():
 def margins_of(problem, tool):
     count = len(tool)
     joints, turned = np.zeros((count, 2)), np.tile(np.eye(3), (count, 1, 1))
-    return tube_margins(problem, np.arange(count) / 10, joints, turned, np.array(tool))
+    margins = tube_margins(problem, np.arange(count) / 10, joints, turned, np.array(tool))
+    return SimpleNamespace(tube=margins[0], rotation=margins[1])
 
 
 def test_the_margin_over_time_is_that_of_the_segment_the_tool_is_in():
@@ -190,18 +192,18 @@ def test_the_margin_over_time_of_a_plan_is_the_tubes(stored):
     time = np.linspace(0.0, motion.duration, 1500)
     q = motion.position(time)
     rotation, tool = problem.robot.tool_pose(q)
-    found = tube_margins(problem, time, q, rotation, tool)
+    margin, turn = tube_margins(problem, time, q, rotation, tool)
     whole = tube_excursions(problem, time, q, rotation, tool)
-    assert found.tube.min() == -whole.tube.value
+    assert margin.min() == -whole.tube.value
     samples = motion.per_piece(200)
     is_last = np.diff(current_segments(problem, motion, samples)) > 0
     begins = [0.0, *samples.time[1:][is_last], motion.duration]
     for k, (begin, end) in enumerate(pairwise(begins)):
         inner = (time > begin + 2e-3) & (time < end - 2e-3)
-        assert found.tube[inner] == pytest.approx(problem.tube.margin(tool[inner])[:, k])
+        assert margin[inner] == pytest.approx(problem.tube.margin(tool[inner])[:, k])
         allowed = problem.tube.rotation.margin(rotation[inner], tool[inner], k)
-        assert found.rotation[inner] == pytest.approx(allowed)
-    assert found.rotation.min() == -whole.rotation.value
+        assert turn[inner] == pytest.approx(allowed)
+    assert turn.min() == -whole.rotation.value
 
 
 def test_where_the_rotation_is_free_its_margin_has_no_end():

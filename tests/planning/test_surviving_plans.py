@@ -345,7 +345,6 @@ class Formulas:
             tightening=kept,
             result=result,
             verdict=RunVerdict(draw.runs, failed, {"tube": failed}, None, 0.0),
-            shortfall=None,
             target=self.kept(kept.effort, wanted),
             deficit=(asked - wanted) / RADIUS + self.links_meet,
             expected=result.duration + price * (wanted - float(kept.radius[0])),

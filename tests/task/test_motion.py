@@ -49,11 +49,9 @@ def test_legs_are_what_they_were_made_of():
     np.testing.assert_allclose(MOTION.junctions, [HOME, PICK, PLACE, HOME], atol=1e-12)
 
 
-def test_moves_are_known_by_name_and_legs_by_time():
+def test_moves_are_known_by_name():
     assert MOTION.move_times["to_place"] == pytest.approx((2.0 + DWELL, 4.0 + DWELL))
     assert list(MOTION.move_times) == ["to_pick", "to_place", "back"]
-    instants = [-1.0, 0.0, 1.9, 2.1, 2.3, 4.3, 5.0, 99.0]
-    assert [MOTION.leg_at(time) for time in instants] == [0, 0, 0, 0, 1, 1, 2, 2]
 
 
 def test_moves_that_pass_through_have_a_mark_within_their_leg():

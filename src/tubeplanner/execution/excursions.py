@@ -51,19 +51,6 @@ class TubeExcursions:
     rotation_by_segment: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class TubeMargins:
-    """The least margins of a motion in a tube at K samples, each with the interval before it.
-
-    Attributes:
-        tube: Margin of the tool in the regions of the current segments, shape (K,) [m].
-        rotation: Margin of its rotation, shape (K,) [rad], inf where free; None if always free.
-    """
-
-    tube: FloatArray
-    rotation: FloatArray | None
-
-
 def tube_excursions(
     problem: PlanningProblem,
     time: FloatArray,
@@ -106,10 +93,12 @@ def tube_margins(
     q: FloatArray,
     rotation: FloatArray,
     tool: FloatArray,
-) -> TubeMargins:
-    """Return the least margins of a motion in the tube over time.
+) -> tuple[FloatArray, FloatArray | None]:
+    """Return the least margins of a motion in the tube at K samples, each with the time before it.
 
-    The arguments are those of `tube_excursions`, which returns the least of these margins, negated.
+    Of the tool in the regions of the current segments, (K,) [m], and of its rotation, (K,) [rad],
+    inf where free, None if always free. The arguments are those of `tube_excursions`, which returns
+    the least of these margins, negated.
     """
     margins = _margins(problem, time, q, rotation, tool)
     sample = np.searchsorted(time, margins.time)
@@ -120,7 +109,7 @@ def tube_margins(
         return np.where(result < _FREE, result, np.inf)
 
     by_rotation = None if margins.rotation is None else least(margins.rotation)
-    return TubeMargins(least(margins.tube), by_rotation)
+    return least(margins.tube), by_rotation
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,11 +30,19 @@ from tubeplanner.trajectory.parts import ATTACH, DETACH, Mark, part_of
 # ---- Judgement of each run: its largest excursions at samples; nothing is proved between.
 
 _FREE = 1e3  # [rad or m]: the largest distance from position limits; they may be infinite
-# The promises of a plan that a run must keep, and what controllers stop for.
-KEPT = (
-    *("tube", "rotation", "points", "position", "obstacles", "self_collision"),
-    *("velocity", "tracking", "tool_tracking"),
-)
+# The promises of a plan that a run must keep, and what controllers stop for; in messages.
+_WORDS = {
+    "tube": "left the tube",
+    "rotation": "left the rotation tolerance",
+    "points": "missed a compulsory point",
+    "position": "passed a position limit",
+    "obstacles": "came too near to an obstacle",
+    "self_collision": "ran into themselves",
+    "velocity": "passed a velocity limit",
+    "tracking": "had a joint too far from the plan",
+    "tool_tracking": "had the tool too far from the plan",
+}
+KEPT = tuple(_WORDS)
 _VELOCITY_TOLERANCE = 0.05  # where neither the problem nor a preset has one
 
 
@@ -207,18 +215,12 @@ def _largest(problem: PlanningProblem, time: FloatArray, values: FloatArray) -> 
 
 # ---- Worst and median of each quantity over the runs.
 
-# Quantities of a run; True where the least value is the worst.
-_QUANTITIES = {
-    "tube": False,
-    "rotation": False,
-    "points": False,
-    "tracking": False,
-    "tool_tracking": False,
-    "position": False,
-    "velocity": False,
-    "obstacles": True,
-    "self_collision": True,
-}
+# Quantities of a run. Of those of two kinds the least value is the worst.
+_QUANTITIES = (
+    *("tube", "rotation", "points", "tracking", "tool_tracking", "position", "velocity"),
+    *("obstacles", "self_collision"),
+)
+_LEAST = _QUANTITIES[-2:]
 
 
 @dataclass(frozen=True)
@@ -244,11 +246,11 @@ class RunSummary:
 def summaries(runs: Sequence[JudgedRun]) -> dict[str, RunSummary | None]:
     """Return the worst and the median of every quantity of `JudgedRun`; None: not required."""
     result: dict[str, RunSummary | None] = dict.fromkeys(_QUANTITIES)
-    for name, is_least in _QUANTITIES.items():
+    for name in _QUANTITIES:
         extremes = [extreme for run in runs if (extreme := getattr(run, name)) is not None]
         if extremes:
             values = np.array([extreme.value for extreme in extremes])
-            worst = int(values.argmin() if is_least else values.argmax())
+            worst = int(values.argmin() if name in _LEAST else values.argmax())
             result[name] = RunSummary(extremes[worst], worst, float(np.median(values)))
     return result
 
@@ -256,17 +258,6 @@ def summaries(runs: Sequence[JudgedRun]) -> dict[str, RunSummary | None]:
 # ---- Verdict: number of failed runs, and confidence bounds on the fraction of all that fail.
 
 CONFIDENCE = 0.95
-_WORDS = {
-    "tube": "left the tube",
-    "rotation": "left the rotation tolerance",
-    "points": "missed a compulsory point",
-    "position": "passed a position limit",
-    "obstacles": "came too near to an obstacle",
-    "self_collision": "ran into themselves",
-    "velocity": "passed a velocity limit",
-    "tracking": "had a joint too far from the plan",
-    "tool_tracking": "had the tool too far from the plan",
-}
 
 
 @dataclass(frozen=True)
@@ -448,7 +439,7 @@ def _in_motion(run: JudgedRun, leg: MotionSection) -> JudgedRun:
 def _whole(legs: Sequence[JudgedRun]) -> JudgedRun:
     """Return a run of the cycle: the worst of all legs for each quantity."""
     worst: dict[str, Any] = {}
-    for name in (name for name, is_least in _QUANTITIES.items() if not is_least):
+    for name in _QUANTITIES[:-2]:
         extremes = [extreme for leg in legs if (extreme := getattr(leg, name)) is not None]
         worst[name] = max(extremes, key=lambda extreme: extreme.value, default=None)
     # Each leg has a clearance of its own: the nearest is the least distance beyond its clearance.
@@ -498,15 +489,14 @@ def executed_legs(motion: Motion, execution: Execution) -> list[ExecutedLeg]:
         (whole,) = motion.sections
         return [ExecutedLeg(**vars(whole), execution=execution)]
     time, result = execution.time, []
-    problems = motion.cycle.problems(motion.junctions)
-    for leg, problem, (begin, end) in zip(motion.cycle.legs, problems, _spans(motion), strict=True):
+    for section, (begin, end) in zip(motion.ended_sections, _spans(motion), strict=True):
         part = part_of(motion.trajectory, begin, min(end, motion.trajectory.duration))
         first = first_instant(time, begin)
         instants = slice(first, max(last_instant(time, end), first) + 1)  # at least one
         names = ("position", "velocity", "effort", "is_saturated")
         parts = {name: getattr(execution, name)[:, instants] for name in names}
-        section = replace(execution, time=time[instants] - begin, **parts)
-        result.append(ExecutedLeg(problem, part, begin, leg, execution=section))
+        executed = replace(execution, time=time[instants] - begin, **parts)
+        result.append(ExecutedLeg(section.problem, part, begin, section.leg, execution=executed))
     return result
 
 

@@ -70,8 +70,8 @@ def tool_runs(
     joints = [planned, *execution.position]
     margins = [tube_margins(problem, time, q, *pose) for q, pose in zip(joints, poses, strict=True)]
     tool = np.array([position for _, position in poses])
-    tube = np.array([each.tube for each in margins])
-    bounded = [each.rotation for each in margins if each.rotation is not None]
+    tube = np.array([inside for inside, _ in margins])
+    bounded = [rotation for _, rotation in margins if rotation is not None]
     rotation = None
     if bounded:
         rows = np.array(bounded)

@@ -57,7 +57,11 @@ def robust_plan(
     default = follow(problem, shortest)
     if default.trajectory is None or default.stopped_by is not None:
         return _not_simulated(default)
-    search = _Search(problem, shortest, default, again, follow, clock)
+    # All motions begin and, if the goal is given, end in the same configurations.
+    times = [0.0] if problem.endpoints[1].is_open else [0.0, default.trajectory.duration]
+    ends = default.trajectory.position(np.array(times))
+    plans = TightenedPlans(problem, again, follow, ends, clock)
+    search = _Search(plans, shortest, default)
     _, stopped_by = until_stopped(search.run)
     if stopped_by is not None:
         search.keep_survivor()
@@ -77,25 +81,11 @@ def _not_simulated(plan: PlanResult) -> PlanResult:
 class _Search:
     """Plans and simulates until a plan survives; keeps the best plan so far."""
 
-    def __init__(
-        self,
-        problem: PlanningProblem,
-        shortest: PlanResult,
-        default: PlanResult,
-        again: Planning,
-        follow: Following,
-        clock: PlanningClock,
-    ) -> None:
-        self._problem, self._shortest, self._default = problem, shortest, default
-        self._clock = clock
-        assert problem.robustness is not None
-        self._errors = problem.robustness
-        # All motions begin and, if the goal is given, end in the same configurations.
-        assert default.trajectory is not None
-        duration = default.trajectory.duration
-        times = [0.0] if problem.endpoints[1].is_open else [0.0, duration]
-        ends = default.trajectory.position(np.array(times))
-        self._plans = TightenedPlans(problem, again, follow, ends, clock)
+    def __init__(self, plans: TightenedPlans, shortest: PlanResult, default: PlanResult) -> None:
+        assert plans.problem.robustness is not None
+        self._plans, self._problem, self._clock = plans, plans.problem, plans.clock
+        self._shortest, self._default = shortest, default
+        self._errors = plans.problem.robustness
         self._first: Candidate | None = None
         self.best: Candidate | None = None
         self._verdict: RunVerdict | None = None

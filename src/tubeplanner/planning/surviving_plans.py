@@ -8,7 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
-from tubeplanner.execution.error_contributions import Shortfall, shown_shortfall, simulated_runs
+from tubeplanner.execution.error_contributions import shown_shortfall, simulated_runs
 from tubeplanner.execution.plants import Draw
 from tubeplanner.execution.run_verdict import RunVerdict, run_verdict
 from tubeplanner.geometry.tube.tube import Tube
@@ -42,7 +42,6 @@ class Candidate:
         tightening: Tightening of the problem.
         result: The plan, certified.
         verdict: Verdict of the runs, with enlarged errors.
-        shortfall: Expected shortfall of such runs.
         target: Tightening without a shortfall, as far as the problem allows it.
         deficit: Largest fraction of a tolerance by which that tightening is not allowed.
         expected: Duration with that tightening, by first-order prices [s].
@@ -51,7 +50,6 @@ class Candidate:
     tightening: Tightening
     result: PlanResult
     verdict: RunVerdict
-    shortfall: Shortfall
     target: Tightening
     deficit: float
     expected: float
@@ -93,8 +91,8 @@ class TightenedPlans:
         """
         assert problem.robustness is not None
         self._errors = problem.robustness.enlarged(_ENLARGED)
-        self._problem, self._again, self._follow = problem, again, follow
-        self._ends, self._clock = ends, clock
+        self.problem, self._again, self._follow = problem, again, follow
+        self._ends, self.clock = ends, clock
         self._cached: dict[str, PlanResult | None] = {}
         self._simulated: list[Candidate] = []
 
@@ -104,17 +102,9 @@ class TightenedPlans:
         survivors = (plan for plan in self._simulated if plan.survives)
         return min(survivors, key=lambda plan: (-plan.verdict.runs, plan.duration), default=None)
 
-    def problem(self, tightening: Tightening) -> PlanningProblem:
-        """Return the tightened problem.
-
-        Raises:
-            ProblemError: Start or goal break a tightened limit.
-        """
-        return tightened_problem(self._problem, tightening)
-
     def allowed(self, requested: Tightening) -> Tightening:
         """Return a tightening reduced to the slack of limits, start and goal."""
-        return allowed_tightening(self._problem, requested, self._ends)
+        return allowed_tightening(self.problem, requested, self._ends)
 
     def planned(self, tightening: Tightening, motion: RefinedMotion | None) -> PlanResult | None:
         """Return the shortest plan of a tightened problem, from a motion if given, or None.
@@ -124,15 +114,15 @@ class TightenedPlans:
         """
         key = str(tightening.as_dict())
         if key not in self._cached:
+            self._cached[key] = None
             try:
-                shortest = self._again(self.problem(tightening), motion)
+                problem = tightened_problem(self.problem, tightening)
+                shortest = self._again(problem, motion)
             except (ProblemError, Infeasible):
-                self._cached[key] = None
                 return None
             require_not_stopped(shortest)
-            self._cached[key] = None
             if shortest.succeeded:
-                written = self._follow(self.problem(tightening), replace(shortest, notes=()))
+                written = self._follow(problem, replace(shortest, notes=()))
                 require_not_stopped(written)
                 if written.trajectory is not None:
                     self._cached[key] = replace(written, motion=shortest.motion)
@@ -145,7 +135,7 @@ class TightenedPlans:
             TimeLimitReached: Before the runs ended.
         """
         assert result.trajectory is not None
-        problem, clock = self._problem, self._clock
+        problem, clock = self.problem, self.clock
         clock.enter(f"{draw.runs} simulated runs")
         runs = simulated_runs(problem, result.trajectory, self._errors, draw, clock.check)
         shortfall = shown_shortfall(problem, runs)
@@ -159,7 +149,9 @@ class TightenedPlans:
         sizes["velocity"] = np.minimum(tightening.velocity / (1 + excess), 1.0)
         requested = replace(tightening, **(sizes | {"clearance": float(sizes["clearance"])}))
         target = self.allowed(requested)
-        more = _added_duration(self.problem(tightening), result, tightening, target)
+        more = _added_duration(
+            tightened_problem(self.problem, tightening), result, tightening, target
+        )
         # The largest fraction of a tolerance that is requested and not allowed.
         rotation, tube = problem.tube.rotation, problem.tube
         whole = {
@@ -177,7 +169,6 @@ class TightenedPlans:
             tightening,
             result,
             run_verdict(runs),
-            shortfall,
             target,
             deficit + max(shortfall.self_collision, 0.0) + max(shortfall.tool_tracking, 0.0),
             (result.duration or 0.0) + more,

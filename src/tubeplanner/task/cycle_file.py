@@ -346,18 +346,7 @@ def load_problem_or_cycle(
     reads_tube: bool | None = True,
     changes: Mapping[str, Any] | None = None,
 ) -> PlanningProblem | Cycle:
-    """Read a problem file or a cycle file.
-
-    Args:
-        name: A path, or `example:ROBOT/NAME` for a bundled file.
-        directory: Where a relative path starts.
-        reads_tube: Of a problem file, as for `load_problem`.
-        changes: Other values by field path, as for `load_problem`.
-
-    Raises:
-        ProblemError: As `load_problem` or `load_cycle`.
-        RobotError: As `load_problem` or `load_cycle`.
-    """
+    """Read a problem file as `load_problem`, or a cycle file as `load_cycle`."""
     if is_cycle_file(name, directory):
         return load_cycle(name, directory, changes=changes)
     return load_problem(name, directory, reads_tube=reads_tube, changes=changes)

@@ -219,11 +219,6 @@ class CycleMotion:
         """The rest before each leg, and the rest after the last leg."""
         return (*(leg.before for leg in self.cycle.legs), self.cycle.after)
 
-    def leg_at(self, time: float) -> int:
-        """Return the index of the last leg that has begun at a time [s]; 0 before the first."""
-        begun = [k for k, (begin, _) in enumerate(self.leg_times) if begin <= time]
-        return begun[-1] if begun else 0
-
 
 # What is planned, and its motion: with `trajectory`, `sections`, `marks` and `task`.
 Task: TypeAlias = PlanningProblem | Cycle
@@ -232,43 +227,30 @@ Motion: TypeAlias = ProblemMotion | CycleMotion
 
 def cycle_motion(cycle: Cycle, legs: Sequence[LegMotion]) -> CycleMotion:
     """Return the motion of all legs, in order, with rests for the dwells of events."""
-    builder = _Builder(cycle)
-    for leg, motion in zip(cycle.legs, legs, strict=True):
-        builder.stop(leg.before.steps, motion.trajectory.position(0.0))
-        builder.run(leg.moves, motion)
+    parts: list[JointTrajectory] = []
+    marks: list[Mark] = []
+    time = 0.0
+
+    def mark(step: Step, begin: float) -> None:
+        marks.append(Mark(begin, _KINDS[type(step)], step.name, _setting(step)))
+
+    def add(part: JointTrajectory) -> None:
+        nonlocal time
+        parts.append(part)
+        time = float(time + part.breakpoints[-1])
+
     last = legs[-1].trajectory
-    builder.stop(cycle.after.steps, last.position(last.duration))
-    return CycleMotion(cycle, concatenate(builder.parts), tuple(builder.marks))
-
-
-class _Builder:
-    """Sequence of legs and rests under construction."""
-
-    def __init__(self, cycle: Cycle) -> None:
-        self._names = cycle.robot.joint_names
-        self._time = 0.0
-        self.parts: list[JointTrajectory] = []
-        self.marks: list[Mark] = []
-
-    def stop(self, steps: Sequence[Step], q: FloatArray) -> None:
-        """Add steps at rest in a configuration (n,)."""
-        for step in steps:
-            self._mark(step, self._time)
+    junctions = [*(leg.trajectory.position(0.0) for leg in legs), last.position(last.duration)]
+    for k, q in enumerate(junctions):
+        for step in cycle.stop_at(k).steps:
+            mark(step, time)
             if isinstance(step, Event) and step.dwell >= MIN_DURATION:
-                self._add(resting(self._names, q, step.dwell))
-
-    def run(self, moves: Sequence[Move], motion: LegMotion) -> None:
-        """Add the moves of a leg."""
-        for move, begin in zip(moves, (0.0, *motion.passed), strict=True):
-            self._mark(move, self._time + begin)
-        self._add(motion.trajectory)
-
-    def _add(self, part: JointTrajectory) -> None:
-        self.parts.append(part)
-        self._time = float(self._time + part.breakpoints[-1])
-
-    def _mark(self, step: Step, time: float) -> None:
-        self.marks.append(Mark(time, _KINDS[type(step)], step.name, _setting(step)))
+                add(resting(cycle.robot.joint_names, q, step.dwell))
+        if k < len(legs):
+            for move, begin in zip(cycle.legs[k].moves, (0.0, *legs[k].passed), strict=True):
+                mark(move, time + begin)
+            add(legs[k].trajectory)
+    return CycleMotion(cycle, concatenate(parts), tuple(marks))
 
 
 def _setting(step: Step) -> Any:
