@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from cases import SHORTEST, simulated_sweep
+from small_cycle import SMALL, planned_cycle
 from studied import Here
 
 from tubeplanner import (
@@ -136,6 +137,22 @@ def test_a_value_has_the_faster_motion_of_a_neighbour_if_it_passes_there(slow_wh
     assert [row.notes[-1].startswith("the motion of tube.radius 0.01") for row in radii] == [
         *(True, True, False, False),
     ]
+
+
+@pytest.mark.dear("plans a cycle twice")
+def test_a_field_of_a_cycle_is_varied_too(tmp_path):
+    path = tmp_path / "small.yaml"
+    path.write_text(SMALL)
+    result = sweep_field(path, "robot.limits.scale.effort", [1, 0.9, -1], options=FAST)
+    strong, weak, none = result.rows
+    assert strong.duration == planned_cycle().duration < weak.duration
+    assert "effort" in none.message
+    assert [row["status"] for row in result.as_dict()["rows"]] == [
+        "success",
+        "success",
+        "bad_input",
+    ]
+    assert (strong.runs, strong.method) == (None, "refinement")
 
 
 def boxed(two_link, tool_radius=0.0):

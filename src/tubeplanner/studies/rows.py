@@ -477,7 +477,6 @@ class RowRun(Generic[_R]):
         count: int,
         *,
         failed: Callable[[Variant, Exception], _R] | None = None,
-        until: float | None = None,
         stage: str = "",
     ) -> None:
         """Add the answers of variants, each key planned once.
@@ -488,13 +487,11 @@ class RowRun(Generic[_R]):
             count: Their number.
             failed: Function from a variant and the exception of its work to an answer; None: any
                 exception is raised.
-            until: As for `run_many`.
             stage: Part of the run, for progress.
 
         Raises:
             OptionError: The executor broke, or the work raised it.
             OutputError: The journal cannot be written, or has an invalid answer.
-            TimeLimitReached: `until` has passed, or the work raised it.
         """
         self._done, self._count, self._planned, self._begin = 0, count, 0, time.perf_counter()
         sent: dict[int, Variant] = {}  # by number of the call
@@ -520,10 +517,10 @@ class RowRun(Generic[_R]):
                     sent[next(numbers)] = variant
                     yield variant.argument
 
-        for done in run_many(work, arguments(), self.executor, until):
+        for done in run_many(work, arguments(), self.executor):
             variant, answer = sent.pop(done.index), done.value
             if done.error is not None:
-                if failed is None or isinstance(done.error, OptionError | TimeLimitReached):
+                if failed is None or isinstance(done.error, OptionError):
                     raise done.error
                 answer = failed(variant, done.error)
             assert answer is not None
