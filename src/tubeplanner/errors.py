@@ -7,7 +7,8 @@ and location say why.
 import copy
 import difflib
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
 
@@ -48,6 +49,17 @@ class OptionError(TubePlannerError):
 
 class OutputError(TubePlannerError):
     """An output file could not be written; what was there before is untouched."""
+
+
+@contextmanager
+def faults_of(
+    field: str, *kinds: type[Exception], error: type[TubePlannerError] = ProblemError
+) -> Iterator[None]:
+    """Raise errors of some kinds as those of a field: its name, then their message."""
+    try:
+        yield
+    except kinds as reason:
+        raise error(f"{field}: {reason}") from None
 
 
 def shown(value: object, most: int = MAX_SHOWN) -> str:

@@ -321,13 +321,7 @@ def check_fields(
 ) -> _Section:
     """Check nested dictionaries and lists against a model, and return the model's fields.
 
-    Args:
-        model: Model of the document.
-        data: Content of a file.
-        source: Name of the document in messages.
-        source_of: Function from the data, and the keys and indices of a value, to the name of the
-            value's file in messages; None: `source` for all.
-        error: Raised for an unknown key or a value of the wrong type; the message names the field.
+    Messages name the document, or the source of a value by the data and the keys that lead to it.
     """
     if not isinstance(data, dict):
         raise error(f"{source}: {model.what}")

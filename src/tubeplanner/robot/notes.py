@@ -195,15 +195,9 @@ class FrictionFraction:
 def friction_fraction(
     robot: RobotModel, viscous: FloatArray, coulomb: FloatArray
 ) -> FrictionFraction | None:
-    """Return the largest fraction of an effort limit that friction takes.
+    """Return the largest fraction of an effort limit that friction, (n,) each, takes.
 
-    Args:
-        robot: The arm, whose limits count.
-        viscous: Viscous friction of its joints, shape (n,) [N m s/rad or N s/m].
-        coulomb: Coulomb friction of its joints, shape (n,) [N m or N].
-
-    Returns:
-        None without friction, or if no joint has finite limits of velocity and effort.
+    None without friction, or if no joint has finite limits of velocity and effort.
     """
     limits = robot.limits
     is_bounded = np.isfinite(limits.velocity) & np.isfinite(limits.effort)
@@ -334,12 +328,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def implausible_values(robot: RobotModel, extents: Mapping[str, Extent]) -> tuple[str, ...]:
-    """Return sentences on values of a robot, and of solids, that no arm and no cell has.
-
-    Args:
-        robot: The arm.
-        extents: Of its links, of obstacles and of attached solids, by label: "link 'upper'".
-    """
+    """Return sentences on values of a robot and its solids, by label, that no arm or cell has."""
     joints: list[Value] = []
     limits = robot.limits
     for k, name in enumerate(robot.joint_names):

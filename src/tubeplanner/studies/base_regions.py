@@ -237,7 +237,7 @@ class MovableProblem:
         seeds = {}
         for end in _ENDS:
             try:
-                value = end_of(end, getattr(fields, end), fields, robot, spec.folder)
+                value = end_of(end, getattr(fields, end), robot, spec.folder)
             except ProblemError as error:
                 raise ProblemError(f"{spec.name}: {error}") from None
             if isinstance(value, np.ndarray):

@@ -257,7 +257,7 @@ def _moved_end(question: Question, end: str, direction: FloatArray, size: float)
     """Return the values by field path of an end that moves with its point; joints become a seed."""
     fields = getattr(question.fields, end)
     try:
-        value = end_of(end, fields, question.fields, question.robot, question.spec.folder)
+        value = end_of(end, fields, question.robot, question.spec.folder)
         if isinstance(value, ToolPose):
             return {f"{end}.pose.position": along(value.position, direction, size)}
         if isinstance(value, GoalRegion):
@@ -576,7 +576,7 @@ def _start_nearby(question: Question) -> Proposal | None:
     """Return a seed's or pose's configuration as near as the arm comes; None of other starts."""
     robot, fields, limits = question.robot, question.fields, question.robot.limits
     try:
-        value = end_of("start", fields.start, fields, robot, question.spec.folder)
+        value = end_of("start", fields.start, robot, question.spec.folder)
         if not isinstance(value, Seed | ToolPose):
             return None
         target, rotation = question.points[0], None

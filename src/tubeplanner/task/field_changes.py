@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from tubeplanner.checks import is_number
 from tubeplanner.documents import DocumentError, parse_yaml, require_shallow
-from tubeplanner.errors import OptionError, ProblemError, shown, unknown_name
+from tubeplanner.errors import OptionError, ProblemError, faults_of, shown, unknown_name
 from tubeplanner.fields import SchemaLocation, Section, check_fields
 from tubeplanner.task.includes import INCLUDE, ProblemLayers
 from tubeplanner.task.problem_format import ProblemFields, require_problem
@@ -211,9 +211,7 @@ def changed_problem(
         return data
     fields = deepcopy(data)
     for path, value in changes.items():
-        try:
+        with faults_of(path, DocumentError):
             require_shallow(value)
-        except DocumentError as error:
-            raise ProblemError(f"{path}: {error}") from None
         _Walk(path).change(fields, value, SchemaLocation((model,)))
     return fields

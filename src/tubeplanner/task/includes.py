@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tubeplanner.documents import DocumentError, require_shallow
-from tubeplanner.errors import ProblemError, shown
+from tubeplanner.errors import ProblemError, faults_of, shown
 from tubeplanner.resources import PRESET_ENDINGS, find_problem, rebased
 from tubeplanner.task.problem_format import PROBLEM_FORMAT, read_document
 
@@ -141,10 +141,8 @@ class ProblemLayers:
     @classmethod
     def of(cls, data: Any, folder: Path, source: str, path: Path | None = None) -> "ProblemLayers":
         """Return the layers of a document with relative paths from a folder, from a file if any."""
-        try:
+        with faults_of(source, DocumentError):
             require_shallow(data)
-        except DocumentError as error:
-            raise ProblemError(f"{source}: {error}") from None
         layers: list[tuple[str, Any]] = []
         chain = () if path is None else (path.resolve(),)
         for name, document, before in _layers(data, folder, source, chain):
@@ -197,10 +195,8 @@ def _layers(
                 f"{source}: {INCLUDE} is {shown(value)}; it must be a file or a list of files"
             )
     for name in files:
-        try:
+        with faults_of(f"{source}: {INCLUDE}", ProblemError):
             path = find_problem(name, folder)
-        except ProblemError as error:
-            raise ProblemError(f"{source}: {INCLUDE}: {error}") from None
         resolved = path.resolve()
         if resolved in chain:
             circle = [*chain[chain.index(resolved) :], resolved]

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_v
 from pydantic_core import PydanticCustomError
 
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
-from tubeplanner.errors import ProblemError
+from tubeplanner.errors import ProblemError, faults_of
 from tubeplanner.fields import (
     DeclaredSection,
     Finite,
@@ -460,11 +460,7 @@ def problem_schema() -> dict[str, Any]:
 
 def read_document(path: Path, what: str = "problem file") -> object:
     """Return the content of a YAML or JSON file, with a label, as dictionaries and lists."""
-    try:
+    with faults_of(f"{what} {path} cannot be read", DocumentError):
         text = read_text(path, _MAX_BYTES)
-    except DocumentError as error:
-        raise ProblemError(f"{what} {path} cannot be read: {error}") from error
-    try:
+    with faults_of(f"{what} {path} is malformed", DocumentError):
         return parse_json(text) if path.suffix == ".json" else parse_yaml(text)
-    except DocumentError as error:
-        raise ProblemError(f"{what} {path} is malformed: {error}") from error

@@ -9,7 +9,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import checked_path
-from tubeplanner.errors import ProblemError, RobotError, TrajectoryError
+from tubeplanner.errors import ProblemError, RobotError, TrajectoryError, faults_of
 from tubeplanner.fields import Section
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, placement_of
 from tubeplanner.geometry.tube.tube import Tube
@@ -117,13 +117,8 @@ def build_problem(
 ) -> PlanningProblem:
     """Build a problem from fields, with its collision geometry.
 
-    Args:
-        fields: Fields of a problem file.
-        directory: Where its relative paths start.
-        name: Name in messages and plots.
-        source: Begin of messages about the fields.
-        tube_of: Function that makes the tube; None: the tube of the file.
-        like: Problem whose robot and solids are shared; None: both are built.
+    Robot and solids are those of the problem `like`, if any; without `tube_of` the tube is the
+    file's. The source begins messages.
     """
     try:
         robot = robot_of(fields, directory) if like is None else like.robot
@@ -132,8 +127,8 @@ def build_problem(
         problem = PlanningProblem(
             robot=robot,
             tube=tube,
-            start=end_of("start", fields.start, fields, robot, directory),
-            goal=end_of("goal", fields.goal, fields, robot, directory),
+            start=end_of("start", fields.start, robot, directory),
+            goal=end_of("goal", fields.goal, robot, directory),
             **clearances_of(fields.clearance),
             contacts=contacts_of(fields.contacts, segments),
             **(solids_of(fields, robot, directory) if like is None else like.solids),
@@ -244,25 +239,25 @@ def _tube_anywhere(
             "clearance.segments belongs to a tube, and one is to be found here; give "
             "clearance.default, and clearance.pairs where it is not the same"
         )
-    start = _tool_at("start", end_of("start", fields.start, fields, robot, directory), robot)
+    start = _tool_at("start", fields.start, robot, directory)
     if fields.goal is None:
         if not needs_goal:
             return Tube.anywhere(start, start)
         raise ProblemError("goal is required: joints, or the position of the tool")
-    goal = end_of("goal", fields.goal, fields, robot, directory)
-    if isinstance(goal, Seed | GoalRegion):
-        if fields.goal.position is None:
-            raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
-        return Tube.anywhere(start, np.array(fields.goal.position))
-    return Tube.anywhere(start, _tool_at("goal", goal, robot))
+    return Tube.anywhere(start, _tool_at("goal", fields.goal, robot, directory))
 
 
-def _tool_at(end: str, value: Any, robot: RobotModel) -> FloatArray:
-    """Return the tool's position (3,) [m] at a start or goal that is a configuration or a pose."""
-    if isinstance(value, Seed):
-        raise ProblemError(f"{end}.joints is required: a seed belongs to the first point of a tube")
-    if isinstance(value, ToolPose):
-        return value.position
+def _tool_at(end: str, fields: EndpointFields, robot: RobotModel, directory: Path) -> FloatArray:
+    """Return the tool's position (3,) [m] at a start or goal, which is no seed alone."""
+    value = end_of(end, fields, robot, directory)
+    if fields.position is not None:
+        return np.array(fields.position)
+    if fields.pose is not None:
+        return np.array(value.position)
+    if fields.seed is not None and end == "start":
+        raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
+    if fields.seed is not None:
+        raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
     return robot.tool_position(configuration_of(robot, end, value)[None])[0]
 
 
@@ -272,88 +267,63 @@ _ALONE = ("pose", "group_state", "trajectory")
 _OTHERS = ("joints", "seed", "position")
 
 
-def end_of(
-    end: str,
-    value: EndpointFields | None,
-    fields: ProblemFields,
-    robot: RobotModel,
-    directory: Path,
-) -> Any:
+def end_of(end: str, fields: EndpointFields | None, robot: RobotModel, directory: Path) -> Any:
     """Return the argument start or goal of a `PlanningProblem`; None: an open goal."""
-    if value is None:
+    if fields is None:
         return None
-    if value.position is None and (value.tolerance or value.rotation_tolerance is not None):
-        key = "tolerance" if value.tolerance else "rotation_tolerance"
+    if fields.position is None and (fields.tolerance or fields.rotation_tolerance is not None):
+        key = "tolerance" if fields.tolerance else "rotation_tolerance"
         raise ProblemError(f"{end}.{key} is for goal.position, which is not given; leave it out")
-    named = named_endpoint(end, value, robot, directory)
-    if named is not None:
-        return named
-    keys = [key for key in ("joints", "seed") if getattr(value, key) is not None]
-    if value.position is not None and (end == "start" or "joints" in keys):
+    keys = [key for key in (*_ALONE, *_OTHERS) if getattr(fields, key) is not None]
+    if set(_ALONE) & set(keys):
+        if [key for key in keys if key != "seed" or "pose" not in keys] != keys[:1]:
+            raise ProblemError(
+                f"{end} takes one of joints, seed, {', '.join(_ALONE)}; it has {', '.join(keys)} "
+                "(what an included file gives counts: null takes it away)"
+            )
+        if fields.pose is not None:
+            return _tool_pose(end, fields.pose, fields.seed, robot)
+        if fields.group_state is not None:
+            return _group_state(f"{end}.group_state", fields.group_state, robot)
+        return _last_configuration(f"{end}.trajectory", directory / str(fields.trajectory), robot)
+    if "position" in keys and (end == "start" or "joints" in keys):
         reason = "start takes joints" if end == "start" else "it is the one of goal.joints"
         raise ProblemError(f"{end}.position is not to be given: {reason}")
-    if value.position is not None and not keys:
-        return GoalRegion(np.array(value.position), value.tolerance, value.rotation_tolerance)
-    if len(keys) != 1:
+    if keys == ["position"]:
+        return GoalRegion(np.array(fields.position), fields.tolerance, fields.rotation_tolerance)
+    if len({"joints", "seed"} & set(keys)) != 1:
         raise ProblemError(
             f"{end} takes either joints or seed (or pose, group_state, trajectory); it has "
             f"{'both' if keys else 'neither'}"
         )
-    return _values(value.joints) if value.joints is not None else Seed(_values(value.seed))
+    q: Any = fields.seed if fields.joints is None else fields.joints
+    q = q if isinstance(q, dict) else np.array(q, dtype=float)
+    return q if fields.joints is not None else Seed(q)
 
 
-def named_endpoint(
-    end: str, fields: EndpointFields, robot: RobotModel, directory: Path
-) -> FloatArray | ToolPose | None:
-    """Return the start or goal of a pose, a group state or a trajectory file.
-
-    Returns:
-        A configuration (n,) [rad or m], a pose, or None if the fields have none of the three.
-    """
-    keys = [key for key in (*_ALONE, *_OTHERS) if getattr(fields, key) is not None]
-    if not set(_ALONE) & set(keys):
-        return None
-    if [key for key in keys if key != "seed" or "pose" not in keys] != keys[:1]:
-        raise ProblemError(
-            f"{end} takes one of joints, seed, {', '.join(_ALONE)}; it has {', '.join(keys)} "
-            "(what an included file gives counts: null takes it away)"
-        )
-    if fields.pose is not None:
-        return _tool_pose(end, fields.pose, fields, robot)
-    if fields.group_state is not None:
-        srdf = robot.urdf.srdf
-        if srdf is None:
-            raise ProblemError(
-                f"{end}.group_state '{fields.group_state}' is one of an SRDF; give robot.srdf"
-            )
-        try:
-            values = srdf.group_state(fields.group_state, robot.joint_names)
-        except RobotError as error:
-            raise ProblemError(f"{end}.group_state: {error}") from None
-        return configuration_of(robot, f"{end}.group_state", values)
-    return _last_configuration(f"{end}.trajectory", directory / str(fields.trajectory), robot)
-
-
-def _tool_pose(end: str, pose: PoseFields, fields: EndpointFields, robot: RobotModel) -> ToolPose:
+def _tool_pose(end: str, pose: PoseFields, seed: JointValues | None, robot: RobotModel) -> ToolPose:
     if (pose.rpy is None) == (pose.quaternion is None):
         number = "neither" if pose.rpy is None else "both"
         raise ProblemError(f"{end}.pose takes either quaternion or rpy; it has {number}")
-    seed = fields.seed
-    try:
+    with faults_of(f"{end}.pose", ProblemError):
         placement = placement_of(pose.position, pose.rpy, pose.quaternion)
-    except ProblemError as error:
-        raise ProblemError(f"{end}.pose: {error}") from None
-    return ToolPose(
-        placement, None if seed is None else configuration_of(robot, f"{end}.seed", seed)
-    )
+    q = None if seed is None else configuration_of(robot, f"{end}.seed", seed)
+    return ToolPose(placement, q)
+
+
+def _group_state(what: str, name: str, robot: RobotModel) -> FloatArray:
+    """Return the configuration (n,) of a named state of the SRDF."""
+    if robot.urdf.srdf is None:
+        raise ProblemError(f"{what} '{name}' is one of an SRDF; give robot.srdf")
+    with faults_of(what, RobotError):
+        values = robot.urdf.srdf.group_state(name, robot.joint_names)
+    return configuration_of(robot, what, values)
 
 
 def _last_configuration(what: str, path: Path, robot: RobotModel) -> FloatArray:
     """Return the configuration (n,) at the end of a trajectory file."""
-    try:
+    with faults_of(what, TrajectoryError):
         trajectory = read_trajectory_file(path, robot.joint_names).trajectory
-    except TrajectoryError as error:
-        raise ProblemError(f"{what}: {error}") from None
     columns = {name: k for k, name in enumerate(trajectory.joint_names)}
     missing = [name for name in robot.joint_names if name not in columns]
     if missing:
@@ -362,10 +332,6 @@ def _last_configuration(what: str, path: Path, robot: RobotModel) -> FloatArray:
         )
     end = trajectory.position(trajectory.duration)
     return end[[columns[name] for name in robot.joint_names]]
-
-
-def _values(values: JointValues | None) -> Any:
-    return values if isinstance(values, dict) else np.array(values, dtype=float)
 
 
 # ---- Solids.
@@ -398,22 +364,17 @@ def obstacle_of(
             f"{field} must have exactly one of {', '.join(kinds)}; "
             f"it has {', '.join(shapes) or 'none'}"
         )
-    try:
+    with faults_of(field, ProblemError):
         placement = placement_of(fields.position, fields.rpy, fields.quaternion)
-    except ProblemError as error:
-        raise ProblemError(f"{field}: {error}") from None
     if fields.mesh is not None:
-        try:
+        with faults_of(field, RobotError):
             path = find_mesh(fields.mesh, directory / "the problem file", folders)
             return Obstacle.mesh(fields.name, path, placement, fields.scale)
-        except RobotError as error:
-            raise ProblemError(f"{field}: {error}") from None
     if fields.scale != 1.0:
         raise ProblemError(f"{field}: scale belongs to a mesh alone; remove it")
     sizes = getattr(fields, shapes[0])
-    if shapes[0] in ("cylinder", "capsule"):
-        return getattr(Obstacle, shapes[0])(fields.name, *sizes, placement)
-    return getattr(Obstacle, shapes[0])(fields.name, sizes, placement)
+    sizes = sizes if shapes[0] in ("cylinder", "capsule") else (sizes,)
+    return getattr(Obstacle, shapes[0])(fields.name, *sizes, placement)
 
 
 def attached_of(

@@ -53,13 +53,9 @@ class RequiredDistances:
         goal: FloatArray | None,
         slack: float = 0.0,
     ) -> None:
-        """Collect the required distances of a problem.
+        """Collect the required distances from a start to a goal, configurations (n,).
 
-        Args:
-            problem: The planning problem.
-            start: Configuration at the start of the motion, shape (n,).
-            goal: Configuration at its end; None: not known, the tool at the tube's last point.
-            slack: Distance to obstacles required in addition [m].
+        Without a goal the tool ends at the tube's last point. The slack [m] adds to obstacles.
         """
         self.by_segment, self.row_of = _rows(problem, slack)
         last = problem.tube.segment_count - 1
@@ -87,12 +83,7 @@ class RequiredDistances:
         return len(self.by_segment) == 1 and not self.near_ends
 
     def at(self, segment: IntArray, tool: FloatArray) -> FloatArray:
-        """Return the required distances at tool positions in segments, shape (N, P) [m].
-
-        Args:
-            segment: Indices of the tube's segments, shape (N,).
-            tool: Positions of the tool centre point, shape (N, 3) [m].
-        """
+        """Return the required distances (N, P) [m] at tool positions (N, 3) in segments (N,)."""
         required = self.by_segment[self.row_of[segment]]
         for near in self.near_ends:
             rows = np.ix_(near.holds(segment, tool), near.pair)

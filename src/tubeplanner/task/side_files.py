@@ -12,7 +12,7 @@ from pydantic import Field
 
 from tubeplanner.checks import checked_path
 from tubeplanner.documents import DocumentError, read_text
-from tubeplanner.errors import ProblemError, RobotError, shown, unknown_name
+from tubeplanner.errors import ProblemError, RobotError, faults_of, shown, unknown_name
 from tubeplanner.fields import Flag, Number, Section, Version, check_fields
 from tubeplanner.resources import bundled_presets, find_preset
 from tubeplanner.robot.joint_limits import LimitLayer
@@ -105,10 +105,8 @@ def _preset(name: str | Path, directory: str | Path) -> tuple[str, _PresetFields
     """
     path = find_preset(name, checked_path("directory", directory))
     label = f"preset {name}"
-    try:
+    with faults_of(label, ProblemError, error=RobotError):
         data = read_document(path, "file")
-    except ProblemError as error:
-        raise RobotError(f"{label}: {error}") from None
     fields = check_fields(_PresetFields, data, label, error=RobotError)
     if fields.limits.scale:
         raise RobotError(f"{label}: limits.scale belongs into robot.limits of a problem")

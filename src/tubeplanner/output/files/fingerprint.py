@@ -22,19 +22,13 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.motors import JointMotors
 from tubeplanner.robot.overrides import QUANTITIES
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose
 from tubeplanner.task.motion import Task
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Event
 
 
 def origin(task: Task, method: str | None = None) -> dict[str, Any]:
-    """Return the origin that a trajectory file states, as JSON values.
-
-    Args:
-        task: The problem or the cycle.
-        method: Method of planning; None: not known, and not stated.
-    """
+    """Return the origin that a trajectory file states, with the method if known, as JSON values."""
     return {
         **({} if method is None else {"method": method}),
         "tubeplanner_version": __version__,
@@ -93,14 +87,15 @@ def tube_parts(tube: Tube, joint_names: Sequence[str]) -> list[object]:
 def endpoint_parts(problem: PlanningProblem) -> list[object]:
     """Return the conditions of a problem on start and goal."""
     parts: list[object] = []
-    for end in (problem.start, problem.goal):
-        parts.append(type(end).__name__)
-        if isinstance(end, GoalRegion):
-            parts += [end.position, end.tolerance, end.rotation_tolerance]
-        elif isinstance(end, ToolPose):
-            parts += [end.placement, end.seed]
+    values = problem.start, problem.goal
+    for value, end in zip(values, problem.endpoints, strict=True):
+        parts.append(type(value).__name__)
+        if end.region is not None and end.kind == "position":
+            parts += [end.region.position, end.region.tolerance, end.region.rotation_tolerance]
+        elif end.pose is not None:
+            parts += [end.pose.placement, end.seed]
         else:
-            parts.append(end.joints if isinstance(end, Seed) else end)
+            parts.append(end.seed if end.joints is None else end.joints)
     return parts
 
 

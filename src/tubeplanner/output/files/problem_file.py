@@ -70,13 +70,7 @@ def included_fields(fields: Any, folder: Path, path: Path | None = None) -> Any:
 
 
 def new_fields(urdf: str, tool_frame: str, cell: Path | None) -> Any:
-    """Return the fields of a new problem file in the current folder, without tube and ends.
-
-    Args:
-        urdf: As `robot.urdf`.
-        tool_frame: As `robot.tool_frame`.
-        cell: A file of obstacles, clearance and collision rules; None: no obstacles.
-    """
+    """Return the fields of a new problem file in the current folder, without tube and ends."""
     robot = CommentedMap(urdf=urdf, tool_frame=tool_frame)
     fields = CommentedMap(format=PROBLEM_FORMAT, version=1, robot=robot)
     if cell is not None:
@@ -131,12 +125,8 @@ def with_other_tube(
 ) -> bytes:
     """Return a problem file's contents with other radii and joint signs, for another folder.
 
-    Args:
-        source: A valid problem file.
-        target: Path of the contents; its ending chooses JSON or YAML.
-        tube: Its radii, boxes and joint ranges are written; its points too if the file refers to
-            points of another file, or if points were left out.
-        changes: Other values of the file, by field path.
+    Its points are written too if the file refers to another file of points, or if points were left
+    out.
     """
     fields, other = read_fields(source, changes), _tube_fields(tube)
     below = ProblemLayers.of(fields, source.parent, str(source)).below.get("tube") or {}
