@@ -39,7 +39,7 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.first_guess.branches import redundancy_rules, reference_branch
-from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.limits.speed_limits import scaled_to_limits
 from tubeplanner.optimizer.starts import starting_spline
 from tubeplanner.outcome import Infeasible
 from tubeplanner.trajectory.joint_trajectory import from_spline

@@ -24,7 +24,7 @@ from campaign_problems import build
 from campaign_witness import BUNDLED, Unsuitable, bundled_arm
 from tubeplanner import PlanningProblem, PlanOptions, PlanResult, load_problem, plan
 from tubeplanner.first_guess.branches import ReferenceBranch, redundancy_rules, reference_branch
-from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.limits.speed_limits import scaled_to_limits
 from tubeplanner.optimizer.stages import Refinement
 from tubeplanner.optimizer.starts import starting_spline
 from tubeplanner.outcome import Infeasible, PlanningClock

@@ -55,7 +55,7 @@ from .geometry.solids import placement_of as placement_of
 # Trajectory
 from .trajectory.joint_trajectory import JointTrajectory as JointTrajectory
 from .trajectory.reader import read_trajectory as read_trajectory
-from .limits.time_scaling import scaling_factor as scaling_factor
+from .limits.speed_limits import scaling_factor as scaling_factor
 from .first_guess.waypoints import sequential_quartics as sequential_quartics
 from .first_guess.waypoints import quartic_spline as quartic_spline
 

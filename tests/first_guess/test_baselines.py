@@ -15,7 +15,7 @@ from tubeplanner.first_guess.baselines import (
 from tubeplanner.first_guess.branches import RedundancyRule, reference_branch
 from tubeplanner.first_guess.line_schemes import PAPER, TrapezoidalSpeed, conventional_trajectory
 from tubeplanner.first_guess.tool_paths import tool_paths
-from tubeplanner.limits.time_scaling import minimum_duration
+from tubeplanner.limits.speed_limits import minimum_duration
 from tubeplanner.outcome import Infeasible, PlanStatus
 
 SMOOTHNESS = {"rest", "continuity"}

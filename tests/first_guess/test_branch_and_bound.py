@@ -19,7 +19,7 @@ from tubeplanner import (
 )
 from tubeplanner.first_guess.branch_and_bound import BranchAndBound
 from tubeplanner.first_guess.waypoints import sequential_quartics
-from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.limits.speed_limits import scaled_to_limits
 from tubeplanner.robot.joint_limits import EffortRange
 
 CORNER = ([0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0])

@@ -12,7 +12,7 @@ from tubeplanner.first_guess import stop_at_corners as stop_at_corners_module
 from tubeplanner.first_guess.branches import redundancy_rules, reference_branch
 from tubeplanner.first_guess.line_schemes import PAPER
 from tubeplanner.first_guess.stop_at_corners import stop_at_corners
-from tubeplanner.limits.time_scaling import minimum_duration
+from tubeplanner.limits.speed_limits import minimum_duration
 
 
 def branch_of(problem):

@@ -18,12 +18,13 @@ from tubeplanner import (
 )
 from tubeplanner.limits.binding_limits import (
     ClosestPairs,
+    LimitUse,
     binding_rows,
     bound_fraction,
     clearance_use,
     closest_pairs,
+    limit_uses,
 )
-from tubeplanner.limits.speed_limits import LimitUse, limit_uses
 
 BALL = """<robot name="ball"><link name="base"/><link name="arm">
 <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>

@@ -10,7 +10,7 @@ from tubeplanner.limits.rates import (
     approachable_range,
     require_approachable,
 )
-from tubeplanner.limits.time_scaling import scaled_to_limits, scaling_factor
+from tubeplanner.limits.speed_limits import scaled_to_limits, scaling_factor
 from tubeplanner.outcome import Infeasible, PlanStatus
 
 DECELERATION, OFFSET, LOWER, UPPER = 4.0, 0.6, -1.0, 2.0

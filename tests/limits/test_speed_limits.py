@@ -15,10 +15,10 @@ from tubeplanner import (
     load_robot,
     verify,
 )
+from tubeplanner.limits.binding_limits import limit_uses
 from tubeplanner.limits.path_samples import PathSamples
 from tubeplanner.limits.rates import PointSpeedLimit, ToolSpeed, speed_by_path
-from tubeplanner.limits.speed_limits import limit_uses, unused_speed
-from tubeplanner.limits.time_scaling import scaled_to_limits, scaling_factor
+from tubeplanner.limits.speed_limits import scaled_to_limits, scaling_factor, unused_speed
 from tubeplanner.robot.joint_limits import EffortRange
 
 

@@ -20,7 +20,7 @@ from cases import (
 from scipy.interpolate import CubicSpline
 
 from tubeplanner import JointTrajectory, LimitOverrides, Payload, load_robot, verify
-from tubeplanner.limits.time_scaling import (
+from tubeplanner.limits.speed_limits import (
     estimated_duration,
     estimated_durations,
     minimum_duration,

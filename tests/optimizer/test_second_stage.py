@@ -9,7 +9,7 @@ from cases import constraints_of
 from scipy.optimize import brentq
 
 from tubeplanner import PlanOptions, Tube, plan, verify
-from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.limits.speed_limits import scaled_to_limits
 from tubeplanner.optimizer import motion_measures as smoothness_measures
 from tubeplanner.optimizer import stages as second_stage
 from tubeplanner.optimizer.phased_spline import segments_of_pieces

@@ -9,8 +9,7 @@ from cases import constraints_of, with_motors
 from tubeplanner import GoalRegion, PlanningProblem, Tube
 from tubeplanner.limits.joint_efforts import EffortRate
 from tubeplanner.limits.path_samples import CoulombFriction, PathSamples, blended_friction
-from tubeplanner.limits.speed_limits import speed_limits
-from tubeplanner.limits.time_scaling import minimum_duration, scaling_factor
+from tubeplanner.limits.speed_limits import minimum_duration, scaling_factor, speed_limits
 from tubeplanner.optimizer.link_constraints import LinkConstraints
 from tubeplanner.optimizer.phased_spline import PhasedSpline, VelocityHull, sampled
 from tubeplanner.optimizer.region_constraints import (

@@ -32,7 +32,7 @@ from tubeplanner.first_guess.line_schemes import (
     largest_trapezoidal_speed,
 )
 from tubeplanner.first_guess.tool_paths import ToolPath, tool_paths
-from tubeplanner.limits.time_scaling import (
+from tubeplanner.limits.speed_limits import (
     estimated_duration,
     minimum_duration,
     scaled_to_limits,

@@ -28,7 +28,7 @@ from tubeplanner.first_guess.waypoints import (
     look_ahead_quartic,
     sequential_quartics,
 )
-from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.limits.speed_limits import scaled_to_limits
 from tubeplanner.limits.tube_membership import first_departure, may_pass_points
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
 from tubeplanner.task.problem import PlanningProblem

@@ -13,7 +13,7 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.checks import require_between, require_count
 from tubeplanner.first_guess.segment_rules import LinkClearance, SegmentBatch, SegmentRules
-from tubeplanner.limits.time_scaling import scaled_to_limits, scaling_factor
+from tubeplanner.limits.speed_limits import scaled_to_limits, scaling_factor
 from tubeplanner.limits.tube_membership import worst_membership
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
 from tubeplanner.task.problem import PlanningProblem

@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.tool_paths import ToolPath, arc_lengths_on_line
-from tubeplanner.limits.time_scaling import minimum_duration, scaled_to_limits, scaling_factor
+from tubeplanner.limits.speed_limits import minimum_duration, scaled_to_limits, scaling_factor
 from tubeplanner.limits.tube_membership import first_departure
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.robot.model import RobotModel

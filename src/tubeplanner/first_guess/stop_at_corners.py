@@ -12,7 +12,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.branches import ReferenceBranch
 from tubeplanner.geometry.tube.points import arc_lengths
-from tubeplanner.limits.time_scaling import estimated_durations, scaled_to_limits
+from tubeplanner.limits.speed_limits import estimated_durations, scaled_to_limits
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate, from_splines

@@ -1,13 +1,21 @@
-"""The list of all speed limits of a problem; use of each limit along a trajectory."""
+"""The list of all speed limits of a problem; the shortest duration of a shape under them."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.checks import checked_row
+from tubeplanner.errors import OptionError, TrajectoryError, shown
 from tubeplanner.limits.joint_efforts import EffortLimit, EffortRate, JointEffort, MotorCurve
-from tubeplanner.limits.path_samples import LimitKey, PathSamples, SpeedLimit, directed_friction
+from tubeplanner.limits.path_samples import (
+    CoulombFriction,
+    PathSamples,
+    SpeedLimit,
+    directed_friction,
+)
+from tubeplanner.limits.peaks import refined_maximum, refined_maximum_of_pieces
 from tubeplanner.limits.rates import (
     RATES,
     JointRate,
@@ -15,11 +23,11 @@ from tubeplanner.limits.rates import (
     ToolSpeed,
     VelocityByPositionLimit,
 )
-from tubeplanner.limits.speed_polynomial import SpeedPolynomial
-from tubeplanner.limits.tube_membership import current_segments, tube_use
+from tubeplanner.limits.tube_membership import current_segments, nearest_segments
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
-from tubeplanner.trajectory.parts import monotone_intervals
+from tubeplanner.trajectory.parts import CommonIntervals, common_intervals
+from tubeplanner.trajectory.polynomials import bernstein_coefficients, peak_magnitudes
 
 
 def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
@@ -70,147 +78,6 @@ def largest_speeds(at: PathSamples, limits: tuple[SpeedLimit, ...]) -> FloatArra
     return result
 
 
-# ---- The use of each limit along a trajectory, at samples on both sides of its breakpoints.
-
-POSITION, TUBE, ROTATION = "position", "tube", "rotation"
-_SAMPLES, _MIN_PER_PIECE = 800, 4
-
-
-@dataclass(frozen=True, eq=False)
-class LimitUse:
-    """The used fraction of one limit.
-
-    Attributes:
-        kind: Of the limit, as the certificate calls it: "effort", "tool_speed", "tube".
-        name: Of the limited part: a joint, "tool", or a point by number and link.
-        fraction: At N samples, shape (N,): 1 at the limit, 0 where nothing of it is used.
-        joint: Index of the joint; None: not a joint's limit.
-        point: Index among the points whose speed is limited; None: not a point's limit.
-    """
-
-    kind: str
-    name: str
-    fraction: FloatArray
-    joint: int | None = None
-    point: int | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class LimitUses:
-    """The used fractions of all limits along a trajectory.
-
-    Attributes:
-        samples: The N samples; at a breakpoint two, which differ where a quantity jumps.
-        segment: The tube segment of each, shape (N,).
-        uses: Of each limit: of joints first, by joint, then of the tool, then of points.
-    """
-
-    samples: TrajectorySamples
-    segment: IntArray
-    uses: tuple[LimitUse, ...]
-
-    def of(self, kind: str) -> list[LimitUse]:
-        """Return the uses of one kind of limit."""
-        return [use for use in self.uses if use.kind == kind]
-
-
-def limit_uses(
-    problem: PlanningProblem, trajectory: JointTrajectory, count: int | None = None
-) -> LimitUses:
-    """Return the used fractions of all limits along a trajectory.
-
-    Of a position, the distance from the middle of the range that the segment allows; of the tube,
-    `tube_use`; of the rotation tolerance, the largest of its bounds'; of limits on the speed, as
-    `speed_limits` has them: a new kind of limit needs no line here.
-
-    Args:
-        problem: The planning problem.
-        trajectory: Of the problem's joints, in any order.
-        count: Samples of each polynomial piece, both its ends included; None:
-            `samples_per_piece`.
-    """
-    trajectory = trajectory.reordered(problem.robot.joint_names)
-    count = count or samples_per_piece(trajectory)
-    samples = trajectory.per_piece(count)
-    segment = current_segments(problem, trajectory, samples)
-    jerk, motors = trajectory.jerk_per_piece(count), problem.robot.motors
-    state = np.stack([samples.position, samples.velocity, samples.acceleration, jerk])
-    friction = None
-    if motors.has_coulomb_friction:  # at a breakpoint, each sample has that of its piece
-        piece, sample = np.divmod(np.arange(len(segment)), count)
-        direction = monotone_intervals(trajectory).at(piece, sample / (count - 1))
-        friction = partial(directed_friction, motors, direction)
-    at = PathSamples(problem, state, lambda: segment, friction)
-    uses = _position_uses(problem, samples.position, segment)
-    rotation, tool = at.tool_pose
-    uses.append(LimitUse(TUBE, "tool", tube_use(problem, tool, segment)))
-    if problem.tube.rotation is not None:
-        error = problem.tube.rotation.error(rotation, tool, segment)
-        angle = np.linalg.norm(error, axis=1, keepdims=True)
-        bounds = problem.tube.rotation.bounds[segment]
-        fraction = (np.hstack([abs(error), angle]) / bounds).max(axis=1)
-        uses.append(LimitUse(ROTATION, "tool", fraction))
-    for limit in speed_limits(problem):
-        uses += _uses_of(limit, at)
-    uses.sort(key=lambda use: (use.joint is None, use.joint or 0, use.point is not None))
-    return LimitUses(samples, segment, tuple(uses))
-
-
-def samples_per_piece(trajectory: JointTrajectory) -> int:
-    """Return the number of samples of each piece for a figure: 800 in all, at least 4 each."""
-    return max(_MIN_PER_PIECE, _SAMPLES // len(trajectory.widths))
-
-
-def _position_uses(problem: PlanningProblem, q: FloatArray, segment: IntArray) -> list[LimitUse]:
-    """Return the joints' distances from the middle of their ranges; unbounded joints are left out.
-
-    Of a range that is open on one side, the middle is where the motion is farthest from its end.
-    """
-    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-    bounded = np.flatnonzero((np.isfinite(lower) | np.isfinite(upper)).any(axis=0))
-    low = np.where(np.isfinite(lower), lower, 2 * q.min(axis=0) - upper)
-    high = np.where(np.isfinite(upper), upper, 2 * q.max(axis=0) - lower)
-    fraction = np.where(high > low, 0.0, 1.0)  # in a range without width a joint is at its end
-    wide = (high > low) & np.isfinite(low) & np.isfinite(high)
-    fraction[wide] = abs(2 * q[wide] - low[wide] - high[wide]) / (high[wide] - low[wide])
-    names = problem.robot.joint_names
-    return [LimitUse(POSITION, names[j], fraction[:, j], j) for j in bounded.tolist()]
-
-
-def _uses_of(limit: SpeedLimit, at: PathSamples) -> list[LimitUse]:
-    """Return the used fractions of one kind of limit, by joint or point, both signs together."""
-    fractions = _fractions(limit.used(at), limit.signs)
-    first_keys: dict[tuple[int | None, int | None], LimitKey] = {}
-    for key in limit.keys:
-        first_keys.setdefault((key.joint, key.point), key)
-    owners = list(first_keys)
-    owner_of = np.array([owners.index((key.joint, key.point)) for key in limit.keys])
-    owner = np.broadcast_to(owner_of[limit.key_of(at)], fractions.shape)
-    uses = []
-    for k, key in enumerate(first_keys.values()):
-        if key.joint is not None:
-            name = at.problem.robot.joint_names[key.joint]
-        else:
-            name = "tool" if key.link is None else f"point {key.point} on {key.link}"
-        fraction = np.where(owner == k, fractions, 0.0).max(axis=1)
-        uses.append(LimitUse(limit.kind, name, fraction, key.joint, key.point))
-    return uses
-
-
-def _fractions(used: SpeedPolynomial, signs: tuple[float, ...]) -> FloatArray:
-    """Return the used fractions of the actual, not the nominal, limits, shape (N, I)."""
-    value = used.at(1.0)
-    most: FloatArray = np.max([sign * value for sign in signs], axis=0)
-    if used.allowed is None:
-        return np.maximum(most, 0.0)
-    # The terms contain the shortfall of a limit, unless it has no bound in that direction.
-    shortfall = np.where(used.terms[0] == 0, 0.0, 1 - used.allowed)
-    quantity = np.maximum(most - shortfall, 0.0)
-    fraction = np.where(quantity > 0, np.inf, 0.0)
-    np.divide(quantity, used.allowed, out=fraction, where=used.allowed > 0)
-    return fraction
-
-
 _MEAN_SAMPLES = 1000
 
 
@@ -234,3 +101,277 @@ def unused_speed(problem: PlanningProblem, trajectory: JointTrajectory) -> float
     factor = largest_speeds(samples, speed_limits(problem))
     with np.errstate(divide="ignore"):
         return float(np.mean(1 - 1 / np.maximum(factor, 1.0)))
+
+
+# ---- The shortest duration of a fixed shape under all limits.
+
+# Samples: with many pieces, fewer of each.
+_MIN_PER_PIECE, _MAX_PER_PIECE, _ENOUGH_IN_ALL = 12, 24, 1000
+# Valleys of the factor this near the smallest sample (relative) are refined.
+_VALLEY_FRACTION = 0.02
+# Rounding must not put a trajectory outside a limit it is scaled to meet exactly.
+_SAFETY = 1e-8
+_JERK = RATES["jerk"]
+
+
+def scaling_factor(
+    problem: PlanningProblem,
+    q: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    jerk: FloatArray | None = None,
+    *,
+    segment: IntArray | None = None,
+) -> FloatArray:
+    """Return the factor b(t) by which the limits allow a trajectory to run faster at each sample.
+
+    Args:
+        problem: The planning problem.
+        q: Positions, shape (N, n) [rad or m].
+        v: Velocities, shape (N, n) [rad/s or m/s].
+        a: Accelerations, shape (N, n) [rad/s^2 or m/s^2].
+        jerk: Shape (N, n) [rad/s^3 or m/s^3]; None: limits that depend on it do not count.
+        segment: The tube segment of each sample, shape (N,); None: the nearest to the tool.
+
+    Returns:
+        Shape (N,); inf where nothing limits, 0 where gravity alone needs a motor's whole effort.
+        (Suh & Bishop 1988, property 2: b_ij; they have limits of velocity and effort alone.)
+
+    Raises:
+        ProblemError: The problem is none.
+        TrajectoryError: Samples have another shape or are not finite.
+        OptionError: A segment does not exist.
+    """
+    PlanningProblem.require(problem)
+    state = _checked_state(problem, (q, v, a) if jerk is None else (q, v, a, jerk))
+    if segment is not None:
+        count, last = len(state[0]), problem.tube.segment_count - 1
+        expected = f"{count} whole numbers from 0 to {last}"
+        row = checked_row("segment", segment, expected)
+        if len(row) != count or not all(isinstance(k, int) and 0 <= k <= last for k in row):
+            raise OptionError(f"segment is {shown(row)}; give {expected}")
+        segment = np.array(row, dtype=np.int64)
+    return largest_speeds(_samples(problem, state, segment), speed_limits(problem))
+
+
+def minimum_duration(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    *,
+    with_jerk: bool = True,
+    segments: IntArray | None = None,
+) -> float:
+    """Return the shortest duration [s] of a trajectory's shape under all limits on its speed.
+
+    Velocity, acceleration and jerk are exact for all t; others are the highest of their peaks at 12
+    to 24 samples per polynomial piece, refined around the highest samples. Quantities that depend
+    on jerk are examined piece by piece: jerk may jump at breakpoints.
+
+    Args:
+        problem: The planning problem.
+        trajectory: The shape.
+        with_jerk: Whether limits that depend on jerk count; False where the acceleration jumps.
+        segments: The tube segment of each polynomial piece, shape (pieces,); None: the nearest to
+            the tool.
+
+    Raises:
+        Infeasible: Status gravity_exceeds_effort.
+    """
+    limits = speed_limits(problem)
+    limits = tuple(limit for limit in limits if with_jerk or limit.order < _JERK)
+    rates, others = rates_and_others(limits)
+    # Limits that depend on jerk jump at breakpoints; with Coulomb friction, all others jump too.
+    has_friction = problem.robot.motors.has_coulomb_friction
+    jumping = tuple(limit for limit in others if has_friction or limit.order >= _JERK)
+    smooth = tuple(limit for limit in others if limit not in jumping)
+    factor = min(
+        _rate_factor(rates, trajectory, exact=True),
+        _least(problem, smooth, trajectory, segments),
+        _least_of_intervals(problem, jumping, trajectory, segments),
+    )
+    return trajectory.duration / factor * (1 + _SAFETY)
+
+
+def estimated_duration(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
+    """Return a quick estimate of `minimum_duration` [s], as `estimated_durations`."""
+    return float(estimated_durations(problem, [trajectory])[0])
+
+
+def estimated_durations(problem: PlanningProblem, shapes: Sequence[JointTrajectory]) -> FloatArray:
+    """Return quick estimates of the `minimum_duration` of S shapes, to choose from: (S,) [s].
+
+    Velocity, acceleration and jerk are bounded from above; others are not refined between samples.
+
+    Raises:
+        Infeasible: Status gravity_exceeds_effort.
+    """
+    rates, others = rates_and_others(speed_limits(problem))
+    needs_jerk = any(limit.order >= _JERK for limit in others)
+    parts: list[tuple[FloatArray, ...]] = []
+    for shape in shapes:
+        state = _state(shape.per_piece(_MIN_PER_PIECE))
+        parts.append((*state, shape.jerk_per_piece(_MIN_PER_PIECE)) if needs_jerk else state)
+    first = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
+    states = tuple(np.concatenate(rows) for rows in zip(*parts, strict=True))
+    sampled = np.minimum.reduceat(_held_factor(problem, others, states, None), first)
+    polynomial = [_rate_factor(rates, shape, exact=False) for shape in shapes]
+    duration = np.array([shape.duration for shape in shapes])
+    return duration / np.minimum(polynomial, sampled)
+
+
+def scaled_to_limits(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    *,
+    with_jerk: bool = True,
+    segments: IntArray | None = None,
+) -> JointTrajectory:
+    """Return the trajectory's shape, run in its `minimum_duration`.
+
+    Raises:
+        Infeasible: Status gravity_exceeds_effort.
+    """
+    duration = minimum_duration(problem, trajectory, with_jerk=with_jerk, segments=segments)
+    return trajectory.scaled(duration / trajectory.duration)
+
+
+def _checked_state(problem: PlanningProblem, rows: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+    """Return samples of positions and their derivatives, as many of each, (N, n).
+
+    Raises:
+        TrajectoryError: An array has no numbers, another shape, or is not finite.
+    """
+    state, joints = [], problem.robot.joint_count
+    for name, values in zip(("q", "v", "a", "jerk"), rows, strict=False):
+        try:
+            state.append(read_only(values))
+        except (TypeError, ValueError):
+            raise TrajectoryError(f"{name} is {shown(values)}; give an array (N, n)") from None
+        shape = state[-1].shape
+        if len(shape) != 2 or shape[1] != joints or shape != state[0].shape or not shape[0]:
+            raise TrajectoryError(
+                f"{name} has the shape {shape}; give (N, {joints}), as many samples of each"
+            )
+        if not np.isfinite(state[-1]).all():
+            raise TrajectoryError(f"{name} has values that are not finite")
+    return tuple(state)
+
+
+def _rate_factor(rates: list[JointRate], trajectory: JointTrajectory, *, exact: bool) -> float:
+    """Return the largest b that limits of velocity, acceleration and jerk allow.
+
+    From the exact peaks of the polynomials, or from upper bounds by Bernstein coefficients.
+    """
+    factor, widths = np.inf, trajectory.widths
+    for limit in rates:
+        coefficients = trajectory.derivative_coefficients(limit.order)[:, :, limit.joints]
+        if exact:
+            peaks = peak_magnitudes(coefficients, widths).value
+        else:
+            hull = bernstein_coefficients(coefficients, np.zeros_like(widths), widths)
+            peaks = abs(hull).max(axis=(0, 1))
+        used = float((peaks / limit.limit).max())
+        if used > 0:
+            factor = min(factor, (1 / used) ** (1 / limit.order))
+    return factor
+
+
+def _least(
+    problem: PlanningProblem,
+    limits: tuple[SpeedLimit, ...],
+    trajectory: JointTrajectory,
+    segments: IntArray | None,
+) -> float:
+    """Return the smallest factor over time, its valleys refined between samples."""
+    enough = _ENOUGH_IN_ALL // len(trajectory.widths)
+    count = min(max(enough, _MIN_PER_PIECE), _MAX_PER_PIECE)
+    samples = trajectory.per_piece(count)
+    own = None if segments is None else np.repeat(segments, count)
+    factor = _held_factor(problem, limits, _state(samples), own)
+    least = float(factor.min())
+    if not np.isfinite(least):
+        return least
+
+    def negative(time: FloatArray) -> FloatArray:
+        piece = np.searchsorted(trajectory.breakpoints[1:-1], time, side="right")
+        own = None if segments is None else segments[piece]
+        return -_held_factor(problem, limits, _state(trajectory.at(time)), own)
+
+    highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_FRACTION * least)
+    return -highest
+
+
+def _least_of_intervals(
+    problem: PlanningProblem,
+    limits: tuple[SpeedLimit, ...],
+    trajectory: JointTrajectory,
+    segments: IntArray | None,
+) -> float:
+    """Return the smallest factor inside stretches of pieces, its valleys refined between samples.
+
+    The factor may jump where pieces begin, or joints reverse.
+    """
+    if not limits:
+        return np.inf
+    motors = problem.robot.motors
+    if motors.has_coulomb_friction:
+        intervals = common_intervals(trajectory)
+    else:  # whole pieces: directions do not matter
+        pieces = len(trajectory.widths)
+        none = np.zeros((pieces, len(trajectory.joint_names)))
+        intervals = CommonIntervals(np.arange(pieces), np.zeros(pieces), np.ones(pieces), none)
+
+    def negative(interval: IntArray, fraction: FloatArray) -> FloatArray:
+        piece, begin = intervals.piece[interval], intervals.start[interval]
+        position = begin + fraction * (intervals.end[interval] - begin)
+        local = position * trajectory.widths[piece]
+        state = tuple(trajectory.within(piece, local, order) for order in range(_JERK + 1))
+        own = None if segments is None else segments[piece]
+        friction = partial(directed_friction, motors, intervals.direction[interval])
+        return -_held_factor(problem, limits, state, own, friction)
+
+    count, fraction = len(intervals.piece), np.linspace(0, 1, _MIN_PER_PIECE)
+    value = negative(np.repeat(np.arange(count), len(fraction)), np.tile(fraction, count))
+    band = _VALLEY_FRACTION * float(-value.max())
+    return -refined_maximum_of_pieces(negative, value.reshape(count, -1), band=band)
+
+
+def _state(samples: TrajectorySamples) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return samples.position, samples.velocity, samples.acceleration
+
+
+def _held_factor(
+    problem: PlanningProblem,
+    limits: tuple[SpeedLimit, ...],
+    state: tuple[FloatArray, ...],
+    segment: IntArray | None,
+    friction: Callable[[], CoulombFriction] | None = None,
+) -> FloatArray:
+    """Return the smallest factor of each sample, (N,).
+
+    Raises:
+        Infeasible: No speed is slow enough for a limit at some sample.
+    """
+    at = _samples(problem, state, segment, friction)
+    result = np.full(len(at), np.inf)
+    for limit in limits:
+        factor = largest_speeds(at, (limit,))
+        if (factor == 0).any():
+            raise limit.refusal(at)
+        result = np.minimum(result, factor)
+    return result
+
+
+def _samples(
+    problem: PlanningProblem,
+    state: tuple[FloatArray, ...],
+    segment: IntArray | None,
+    friction: Callable[[], CoulombFriction] | None = None,
+) -> PathSamples:
+    """Return samples of a trajectory, in known segments or else the nearest to the tool."""
+
+    def segments() -> IntArray:
+        return nearest_segments(problem, at.tool_pose[1]) if segment is None else segment
+
+    at = PathSamples(problem, np.stack(state), segments, friction)
+    return at

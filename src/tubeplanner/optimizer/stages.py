@@ -10,7 +10,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.certificate.verification import Certificate
 from tubeplanner.limits.path_samples import LimitKey
-from tubeplanner.limits.time_scaling import minimum_duration
+from tubeplanner.limits.speed_limits import minimum_duration
 from tubeplanner.optimizer.descent import FIRST_PENALTY, Descent, DescentState, SequentialProgram
 from tubeplanner.optimizer.link_constraints import LinkConstraints
 from tubeplanner.optimizer.motion_measures import objective_measures

@@ -12,17 +12,19 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.binding_limits import (
     ClosestPairs,
+    LimitUses,
     Span,
     binding_rows,
     bound_fraction,
     clearance_use,
     closest_pairs,
+    limit_uses,
+    samples_per_piece,
 )
 from tubeplanner.limits.path_samples import JointSpeedLimit, PathSamples
 from tubeplanner.limits.peaks import motor_effort
 from tubeplanner.limits.rates import PointSpeedLimit, ToolSpeed
-from tubeplanner.limits.speed_limits import LimitUses, limit_uses, samples_per_piece, speed_limits
-from tubeplanner.limits.time_scaling import scaling_factor
+from tubeplanner.limits.speed_limits import scaling_factor, speed_limits
 from tubeplanner.limits.tube_membership import current_segments, tube_use
 from tubeplanner.output.drawing import segment_color
 from tubeplanner.robot.model import RobotModel

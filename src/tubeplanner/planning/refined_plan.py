@@ -10,7 +10,7 @@ import numpy as np
 
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import KnownBranches, ReferenceBranch, redundancy_rules
-from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.limits.speed_limits import scaled_to_limits
 from tubeplanner.optimizer.phased_spline import PhasedSpline
 from tubeplanner.optimizer.stages import Refinement, Stage, has_enough_knots, limit_sensitivities
 from tubeplanner.optimizer.starts import RefinedMotion, sufficient_start

@@ -17,7 +17,7 @@ from tubeplanner.first_guess.knot_modification import KnotTrajectory
 from tubeplanner.first_guess.stop_at_corners import stop_at_corners
 from tubeplanner.first_guess.suh_bishop import SuhBishop
 from tubeplanner.first_guess.waypoints import candidate_waypoints, sequential_quartics
-from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.limits.speed_limits import scaled_to_limits
 from tubeplanner.outcome import (
     Infeasible,
     Location,

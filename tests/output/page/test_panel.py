@@ -6,8 +6,7 @@ from shown_cycle import motion_of, shown_cycle
 from stored_trajectories import REFINEMENT
 
 from tubeplanner import PlanningProblem, Tube
-from tubeplanner.limits.binding_limits import binding_rows
-from tubeplanner.limits.speed_limits import POSITION
+from tubeplanner.limits.binding_limits import POSITION, binding_rows
 from tubeplanner.output.curves import LimitedSection, limited_sections
 from tubeplanner.output.drawing import LINE_COLORS, SEGMENT_COLORS
 from tubeplanner.output.page.panel import (

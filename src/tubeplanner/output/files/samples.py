@@ -19,7 +19,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE
 from tubeplanner.certificate.verification import verify
 from tubeplanner.limits.peaks import motor_effort
-from tubeplanner.limits.time_scaling import minimum_duration
+from tubeplanner.limits.speed_limits import minimum_duration
 from tubeplanner.outcome import Infeasible
 from tubeplanner.task.legs import Stop
 from tubeplanner.task.motion import Motion

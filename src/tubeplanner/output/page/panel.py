@@ -12,9 +12,15 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.limits.binding_limits import LINKS, TOOL, ClosestPairs, binding_rows, closest_pairs
+from tubeplanner.limits.binding_limits import (
+    LINKS,
+    POSITION,
+    TOOL,
+    ClosestPairs,
+    binding_rows,
+    closest_pairs,
+)
 from tubeplanner.limits.rates import ToolSpeed
-from tubeplanner.limits.speed_limits import POSITION
 from tubeplanner.output.curves import LimitedSection, cycle_timeline, segments_per_group, size_of
 from tubeplanner.output.drawing import (
     AXIS_COLORS,
