@@ -35,15 +35,6 @@ if TYPE_CHECKING:
 _MAX_BYTES = 200_000_000  # four million triangles
 
 
-def mesh_bytes(path: Path) -> bytes:
-    """Return a mesh file's contents.
-
-    Raises:
-        DocumentError: The file cannot be read, is no regular file, or is too large.
-    """
-    return read_bytes(path, _MAX_BYTES)
-
-
 def files_beside(path: Path) -> "FilePathResolver":
     """Return the resolver that opens the files that a mesh file names, within bounds.
 
@@ -160,32 +151,22 @@ def cover_mesh(mesh: "trimesh.Trimesh") -> list[ConvexShape]:
     The solid inside a slab lies in the hull of the surface inside that slab, because every
     cross-section is bounded by surface.
     """
-    return _cover_and_slabs(mesh)[0]
+    return _cover_and_cuts(mesh)[0]
 
 
-def slab_cuts(mesh: "trimesh.Trimesh") -> list[tuple[int, float]]:
-    """Return the cuts of `cover_mesh` through a mesh: axis and coordinate [m]."""
-    slabs = _cover_and_slabs(mesh)[1]
-    axis, bounds = _slab_bounds(mesh, slabs)
-    return [(axis, float(height)) for height in bounds[1:-1]]
-
-
-def _cover_and_slabs(mesh: "trimesh.Trimesh") -> tuple[list[ConvexShape], int]:
-    cover = [convex_hull(mesh.vertices)]
-    slabs = 2
+def _cover_and_cuts(mesh: "trimesh.Trimesh") -> tuple[list[ConvexShape], list[tuple[int, float]]]:
+    """Return the cover by slabs, and the cuts between them: axis and coordinate [m]."""
+    cover, cuts, slabs = [convex_hull(mesh.vertices)], list[tuple[int, float]](), 2
+    axis = int(np.argmax(mesh.extents))
     while slabs <= _MAX_SLABS:
-        axis, bounds = _slab_bounds(mesh, slabs)
+        bounds = np.linspace(mesh.bounds[0, axis], mesh.bounds[1, axis], slabs + 1)
         parts = (_slab_points(mesh, axis, low, high) for low, high in pairwise(bounds))
         finer = [convex_hull(points) for points in parts if len(points)]
         if _volume(finer) > _WORTHWHILE_VOLUME_RATIO * _volume(cover):
             break
-        cover, slabs = finer, 2 * slabs
-    return cover, slabs // 2
-
-
-def _slab_bounds(mesh: "trimesh.Trimesh", count: int) -> tuple[int, np.ndarray]:
-    axis = int(np.argmax(mesh.extents))
-    return axis, np.linspace(mesh.bounds[0, axis], mesh.bounds[1, axis], count + 1)
+        cover, cuts = finer, [(axis, float(height)) for height in bounds[1:-1]]
+        slabs *= 2
+    return cover, cuts
 
 
 def _slab_points(mesh: "trimesh.Trimesh", axis: int, low: float, high: float) -> np.ndarray:
@@ -352,7 +333,7 @@ class MeshFile:
         if self.path.suffix.lower() not in _SELF_CONTAINED:
             return None
         try:
-            content = mesh_bytes(self.path)
+            content = read_bytes(self.path, _MAX_BYTES)
         except DocumentError:
             return None  # reading the mesh says what is wrong
         scale = np.array([1.0 if self.scale is None else self.scale], dtype=np.float64)
@@ -408,7 +389,7 @@ class MeshFile:
         return fine_cover(
             self.solid.filled,
             probes,
-            cuts=slab_cuts(self._filled(self.solid.filled)),
+            cuts=_cover_and_cuts(self._filled(self.solid.filled))[1],
             outer_error=_LINK_ERROR,
             max_pieces=_LINK_PIECES,
         )

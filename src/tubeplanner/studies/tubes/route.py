@@ -18,7 +18,6 @@ from tubeplanner.outcome import (
     PlanStatus,
     Progress,
     ProgressCallback,
-    StoppedBy,
     require_callback,
     until_stopped,
 )
@@ -142,7 +141,10 @@ def find_route(
         if stopped_by is None:
             answer = followed(finder.best, finder.clock)
         else:
-            finder.note_stop(stopped_by)
+            finder.notes.append(
+                f"the search was stopped by {stopped_by.replace('_', ' ')} in step {finder.step} "
+                f"of {_STEPS}: there may be a faster tube"
+            )
         return answer_of(answer, stopped_by=stopped_by, **finder.facts)
     if stopped_by == "interrupt":
         raise KeyboardInterrupt
@@ -159,6 +161,8 @@ class _RouteFinder:
         clock: Of the whole search.
         best: The fastest certified trajectory so far, and its tube.
         measured: The measured tube, if any.
+        step: Number of the current step, from 1.
+        notes: On the search.
     """
 
     def __init__(
@@ -171,23 +175,23 @@ class _RouteFinder:
         def announce(stage: Progress) -> None:
             assert progress is not None
             best = None if self.best is None else self.best.duration
-            whole = f"step {self._step} of {_STEPS}, {stage.stage}"
+            whole = f"step {self.step} of {_STEPS}, {stage.stage}"
             progress(replace(stage, stage=whole, best_duration=best))
 
         self._problem, self._options = problem, options
         self.clock = PlanningClock(options.time_limit, None if progress is None else announce)
         self.best: PlannedTube | None = None
         self.measured: PlannedTube | None = None
-        self._step = 1
+        self.step = 1
         self._durations: list[float | None] = []
-        self._notes = list(notes)
+        self.notes = list(notes)
 
     @property
     def facts(self) -> dict[str, Any]:
         """Fields of an answer beside its tube."""
         return {
             "measured": self.measured,
-            "notes": tuple(self._notes),
+            "notes": tuple(self.notes),
             "compared": tuple(self._durations),
             "search_time": self.clock.elapsed,
         }
@@ -204,35 +208,28 @@ class _RouteFinder:
         goals = goal_configurations(self._problem, start, self._options.seed)
         routes = route_candidates(self._problem, start, goals, self._options, self.clock)
         routes = routes[:_MAX_COMPARED]
-        self._step = 2
+        self.step = 2
         fastest = self._fastest_first(routes)
         if not fastest:
-            self._step = 4
+            self.step = 4
             self.best = self.measured = self._measured([(route, None) for route in routes])
             return
-        self._step = 3
+        self.step = 3
         self.clock.enter("planning along the fastest route")
         first = fastest[0][1].problem
         self._offer(PlannedTube(first, plan_under(self.clock, first)))
-        self._step = 4
+        self.step = 4
         try:
             self.measured = self._measured(
                 [(route, samples_of(planned.result)) for route, planned in fastest[:_MAX_MEASURED]]
             )
         except Infeasible as reason:
-            self._notes.append(
+            self.notes.append(
                 f"no tube could be measured in which nothing collides: {reason}; the trajectory "
                 "itself is certified"
             )
         else:
             self._offer(self.measured)
-
-    def note_stop(self, stopped_by: StoppedBy) -> None:
-        """Note that the search was ended early."""
-        self._notes.append(
-            f"the search was stopped by {stopped_by.replace('_', ' ')} in step {self._step} of "
-            f"{_STEPS}: there may be a faster tube"
-        )
 
     def _fastest_first(
         self, routes: list[RouteCandidate]
