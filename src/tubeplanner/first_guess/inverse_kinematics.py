@@ -30,15 +30,10 @@ def native_solve_positions(
 ) -> tuple[FloatArray, FloatArray]:
     """Return configurations (N, n) and their errors (N, 2), of position [m] and rotation [rad].
 
-    All arrays may lack the axis of N, for one configuration.
-
-    Args:
-        table: The joints that move the tool, the last body of all; see `native.kinematics`.
-        settings: `_SETTINGS`, in the order of the compiled source.
-        position: Tool positions, shape (N, 3) [m].
-        joints: Seeds, lower bounds, upper bounds and preferred configurations, each (N, n).
-        rotation: References (N, 3, 3), rotation vectors (N, 3) and a mask of the components that
-            count (N, 3); None: any rotation.
+    All arrays may lack the axis of N, for one configuration. The table has the joints that move the
+    tool, the last body of all. Joints are seeds, lower bounds, upper bounds and preferred
+    configurations, each (N, n). A rotation is references (N, 3, 3), vectors (N, 3) and a mask of
+    the components that count (N, 3); None: any.
     """
     assert _SOLVE is not None
     *many, joint_count = joints[0].shape

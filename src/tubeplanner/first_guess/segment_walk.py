@@ -149,15 +149,9 @@ class SegmentWalk:
     ) -> None:
         """Prepare a walk.
 
-        Args:
-            problem: The planning problem.
-            segment: Index of the tube's segment.
-            ends: First and last position of the tool, shape (2, 3) [m].
-            begin: Configuration at the start, shape (n,).
-            target: Targets of redundant joints at the start and at the end, shape (2, n); None:
-                redundant joints move as little as possible.
-            goal: Configuration to settle in at the end; None: any that the next segment allows.
-            with_rotation: Whether the walk keeps the rotation tolerance, if there is one.
+        The tool goes from end to end (2, 3) [m]. Redundant joints go to targets at the start and at
+        the end (2, n), or move as little as possible. The walk settles in the goal, or where the
+        next segment allows it.
         """
         self._problem, self._segment = problem, segment
         self._ends, self._begin = ends, begin

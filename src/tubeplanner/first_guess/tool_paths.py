@@ -65,10 +65,8 @@ class ToolCurve:
 def rounded_polyline(points: FloatArray, radius: FloatArray | None) -> list[ToolCurve]:
     """Return a polyline whose corners are cut by arcs, as curves between stops.
 
-    Args:
-        points: Shape (m+1, 3) [m], neighbours apart.
-        radius: Largest distance of an arc from the lines that it joins, shape (m,) [m]; None: no
-            arcs, the tool stops at every point.
+    Arcs are at most `radius` (m,) from the lines that they join [m]; None: no arcs, the tool stops
+    at every point (m+1, 3).
 
     Returns:
         One curve from stop to stop. Stops are where no arc is possible: where a line doubles back.

@@ -290,12 +290,7 @@ class Descent:
     def __init__(
         self, legs: Sequence[SequentialProgram], is_tied: Sequence[bool] = (False,)
     ) -> None:
-        """Take legs.
-
-        Args:
-            legs: The legs.
-            is_tied: Whether each leg ends where the next one begins, after the last leg the first.
-        """
+        """Take legs, and whether each ends where the next one begins, the last one the first."""
         self._legs, self._is_tied = legs, is_tied
 
     def improved(

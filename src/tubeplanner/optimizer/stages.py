@@ -409,12 +409,9 @@ class SecondStage(Stage):
     ) -> None:
         """Take a problem and its shortest motion.
 
-        Args:
-            problem: The planning problem; segments are visited in order.
-            spline: The shortest motion.
-            longest: Longest duration of a better motion [s].
-            clearance: Clearance of the shortest motion from obstacles, beyond the required one [m].
-            checkpoint: Called with the duration [s] after every step; it may raise to end the work.
+        Segments are visited in order. The spline is the shortest motion, with its clearance from
+        obstacles beyond the required one [m]; a better motion takes at most `longest` [s]. The
+        checkpoint is called with the duration [s] after every step.
         """
         super().__init__(problem, spline, checkpoint)
         self._longest = longest

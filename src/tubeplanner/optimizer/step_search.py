@@ -224,10 +224,8 @@ def limit_costs(
 ) -> FloatArray | None:
     """Return the cost of each limit, shape (L,): d ln T^2 by its relative rise.
 
-    Args:
-        linear: The constraints to first order.
-        plausible: Largest cost of each limit at which multipliers are believed, shape (L,).
-        rise: Slack of each row per relative rise of its limit, by the rows' numbers; of planes, 1.
+    Multipliers are believed up to `plausible` (L,). `rise` is the slack of each row per relative
+    rise of its limit, by the rows' numbers; of planes, 1.
 
     Returns:
         None if constraints stay violated: multipliers tell the penalty alone.

@@ -316,14 +316,9 @@ def blocking_sample(
 
     At each sample inverse kinematics begins with the start and with many more configurations: a
     condition that no solution satisfies counts as impossible. The tool may miss a sample by half of
-    the radius, or by the open goal's tolerance.
-
-    Args:
-        problem: The planning problem.
-        start: The start configuration, shape (n,).
-        end: End of a branch; the tool's position there is one of the samples.
-        checkpoint: Called before every sample; it may raise to end the work.
-        is_certain: True: for any orientation and anywhere in the tube, quicker and less doubtful.
+    the radius, or by the open goal's tolerance. One of the samples is the end of a branch.
+    `is_certain`: for any orientation and anywhere in the tube, quicker and less doubtful. The
+    checkpoint is called before every sample.
     """
     checks = _POSITION_CHECKS
     if problem.rotation is not None and not is_certain:
