@@ -33,20 +33,22 @@ class IntervalMotion:
     Attributes:
         run_in: The duration [s].
         path: The arm at the watched samples.
+        rates: The spline and the arm at the beginning of every interval, and more.
+        intervals: Number M of knot intervals.
     """
 
     def __init__(self, current: Iterate, run_in: float) -> None:
         """Take a motion and its duration [s]."""
         self.run_in = run_in
         self._at, self.path = current.watched
-        self._rates = current.rates
+        self.rates = current.rates
         self._switching_times = current.spline.switching_times
         grid = current.spline.grid
-        self._intervals, self._switches = grid.interval_count, grid.switch_count
+        self.intervals, self._switches = grid.interval_count, grid.switch_count
         # Of the watched samples, two per interval and the end.
-        every = 2 * self._intervals
+        every = 2 * self.intervals
         self._which = np.append(np.arange(every), every + len(grid.fractions) - 1)
-        self._positions = 2 * np.arange(self._intervals)[:, None] + np.arange(_SAMPLES)
+        self._positions = 2 * np.arange(self.intervals)[:, None] + np.arange(_SAMPLES)
         self._cached: dict[JointEffort, tuple[FloatArray, FloatArray]] = {}
 
     @cached_property
@@ -78,17 +80,6 @@ class IntervalMotion:
         if effort not in self._cached:
             self._cached[effort] = self.chained(effort.by_path(self.path, 1 / self.run_in))
         return self._cached[effort]
-
-    def jerk(self, jerk: JointRate) -> FloatArray:
-        """Return the jerks of a run in 1 s, as fractions of their limits, shape (M, I)."""
-        return jerk.used(self._rates[1]).at(1.0)[: self._intervals]
-
-    def jerk_derivatives(self, jerk: JointRate) -> tuple[FloatArray, FloatArray]:
-        """Return the derivatives of `jerk`: (M, I, 5, n) and (M, I, S) as in `chained`."""
-        at, path = self._rates
-        control, switching = at.chained(jerk.by_path(path, 1.0))
-        control, switching = control[: self._intervals], switching[: self._intervals]
-        return np.pad(control, ((0, 0), (0, 0), (0, 1), (0, 0))), switching
 
     def at_samples(self, watched: FloatArray) -> FloatArray:
         """Return values at the watched samples (N, ...), by interval, shape (M, 3, ...)."""
@@ -389,15 +380,19 @@ class Jerk(_PowerSum):
     jerk: JointRate
 
     def _residual(self, motion: IntervalMotion) -> FloatArray:
-        jerk: FloatArray = motion.jerk(self.jerk) * motion.width[:, None] ** 0.25
-        return jerk
+        jerk = self.jerk.used(motion.rates[1]).at(1.0)[: motion.intervals]
+        return jerk * motion.width[:, None] ** 0.25
 
     def _derivatives(
         self, motion: IntervalMotion, residual: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         width = motion.width[:, None]
         root = width**0.25
-        control, switching = motion.jerk_derivatives(self.jerk)
+        at, path = motion.rates
+        control, switching = (
+            part[: motion.intervals] for part in at.chained(self.jerk.by_path(path, 1.0))
+        )
+        control = np.pad(control, ((0, 0), (0, 0), (0, 1), (0, 0)))
         wider = (residual / (4 * width))[:, :, None] * motion.width_by_switching[:, None]
         return control * root[:, :, None, None], switching * root[:, :, None] + wider
 

@@ -237,22 +237,6 @@ class VelocityHull:
 EvaluationPoints: TypeAlias = Samples | VelocityHull
 
 
-def basis_by_switching(
-    evaluation_points: EvaluationPoints, grid: KnotGrid, switching_times: FloatArray
-) -> FloatArray:
-    """Return the weights' derivatives by the switching times that may move, (m-1, orders, N, 4).
-
-    By complex steps, which subtract nothing: exact to rounding (Squire & Trapp, "Using complex
-    variables to estimate derivatives of real functions", 1998).
-    """
-    steps = switching_times + 1j * _IMAGINARY_STEP * np.eye(len(switching_times))
-    columns = range(1, grid.switch_count + 1)
-    derivatives = [evaluation_points.basis(grid, steps[column]).imag for column in columns]
-    if not derivatives:
-        return np.zeros((0, *evaluation_points.basis(grid, switching_times).shape))
-    return np.stack(derivatives) / _IMAGINARY_STEP
-
-
 @dataclass(frozen=True, eq=False)
 class PhasedSpline:
     """A spline over phases with its control points, without a duration.
@@ -349,11 +333,15 @@ class SampledSpline:
             places = points.places(grid, times)
             _by_switching(*places, joints, control, switches, by_switching, moved)
             return by_switching, moved
-        basis = basis_by_switching(points, grid, times)
-        orders = basis.shape[1]
-        weights = basis.reshape(switches * orders, count, DEGREE + 1)
+        # By complex steps, which subtract nothing: exact to rounding (Squire & Trapp, "Using
+        # complex variables to estimate derivatives of real functions", 1998).
+        steps = times + 1j * _IMAGINARY_STEP * np.eye(len(times))
+        basis = np.zeros((switches, *self.basis.shape))
+        for k in range(switches):
+            basis[k] = points.basis(grid, steps[k + 1]).imag / _IMAGINARY_STEP
+        weights = basis.reshape(switches * len(self.basis), count, DEGREE + 1)
         by_switching = _sums(weights, self.first, control)
-        return by_switching.reshape(switches, orders, count, joints), None
+        return by_switching.reshape(switches, len(self.basis), count, joints), None
 
     def change(self, control: FloatArray, switching: FloatArray) -> FloatArray:
         """Return the change of positions by a step to first order, (N, n).

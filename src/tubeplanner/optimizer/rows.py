@@ -6,7 +6,7 @@ duration y = T^2, by eta = dy / y. A row is: control . dC + switching . ds + dur
 
 from collections.abc import Mapping
 from ctypes import c_double, c_int64
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
@@ -81,10 +81,6 @@ class Rows:
     def where(self, keep: BoolArray | IntArray) -> "Rows":
         """Return some of the rows."""
         return Rows(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
-
-    def numbered_from(self, first: int) -> "Rows":
-        """Return the rows with `first` added to their numbers."""
-        return replace(self, index=first + self.index)
 
     def reach(self, size: StepSize) -> FloatArray:
         """Return the largest change of each row by a step, shape (R,)."""

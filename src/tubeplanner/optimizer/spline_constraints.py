@@ -1,7 +1,7 @@
 """SplineConstraints: all constraints of a spline at samples, and the samples added to them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from typing import TypeAlias
@@ -204,7 +204,7 @@ class SplineConstraints:
         parts, elastic, count = [], [], 0
         for constraint in current.constraints:
             rows = constraint.rows(current.duration, size)
-            parts.append(rows.numbered_from(count))
+            parts.append(replace(rows, index=count + rows.index))
             elastic.append(np.full(len(rows), float(constraint.is_elastic)))
             count += constraint.row_count
         names = Rows.__dataclass_fields__

@@ -69,12 +69,6 @@ class ModelJoints:
         """Return bounds on absolute values (..., M) summed up by planned joint, (..., n)."""
         return self._sums(columns, abs(self.multiplier))
 
-    def of_own(self, values: FloatArray) -> FloatArray:
-        """Return values (M,) of all joints from values (n,) of planned joints; followers have 0."""
-        all_values = np.zeros(len(self.planned))
-        all_values[self.own] = values
-        return all_values
-
     def travel(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
         """Return the largest distance from zero within limits (n,), by joint, (M,) [rad or m]."""
         ends = self.positions(np.stack([lower, upper]))

@@ -188,7 +188,9 @@ class RobotModel:
             joint_names,
             followers_of(urdf, joint_names),
         )
-        model.armature = self._joints.of_own(self.motors.armature)
+        armature = np.zeros(len(self._joints.planned))
+        armature[self._joints.own] = self.motors.armature
+        model.armature = armature
         # A Data made before the last edit of its model corrupts memory without a word.
         self._scratch = Scratch(model)
 
