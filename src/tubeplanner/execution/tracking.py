@@ -1,8 +1,8 @@
 """Tracking controllers, planned feedforward, bounds and lag of drives."""
 
-from collections.abc import Callable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
 
 import numpy as np
 
@@ -148,9 +148,14 @@ class Feedback:
         return 3 * w * (w * q_error + v_error) + self._integral / inertia
 
 
-class TrackingController(Protocol):
+class TrackingController(ABC):
     """A controller that follows one plan with the arms of R runs."""
 
+    def __init__(self, robot: RobotModel, plan: PlannedMotion, feedback: Feedback) -> None:
+        self._robot, self._plan, self._feedback = robot, plan, feedback
+        self._bandwidth = np.maximum(plan.stiff, feedback.bandwidth)
+
+    @abstractmethod
     def effort(self, k: int, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the requested efforts in period k, shape (R, n) [N m or N].
 
@@ -159,13 +164,9 @@ class TrackingController(Protocol):
             q: Measured positions at that instant, shape (R, n) [rad or m].
             v: Measured velocities at that instant, shape (R, n) [rad/s or m/s].
         """
-        ...
 
 
-ControllerMaker: TypeAlias = Callable[[RobotModel, PlannedMotion, Feedback], TrackingController]
-
-
-def controller_maker(name: str) -> ControllerMaker:
+def controller_maker(name: str) -> type[TrackingController]:
     """Return the maker of a controller by name.
 
     Raises:
@@ -176,12 +177,8 @@ def controller_maker(name: str) -> ControllerMaker:
     return _MAKERS[name]
 
 
-class ComputedTorque:
+class ComputedTorque(TrackingController):
     """Inverse dynamics of planned acceleration and feedback at the measured state."""
-
-    def __init__(self, robot: RobotModel, plan: PlannedMotion, feedback: Feedback) -> None:
-        self._robot, self._plan, self._feedback = robot, plan, feedback
-        self._bandwidth = np.maximum(plan.stiff, feedback.bandwidth)
 
     def effort(self, k: int, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return inverse dynamics at the measured state, advanced to the middle of the period."""
@@ -194,15 +191,11 @@ class ComputedTorque:
         return smooth + self._plan.friction[k]
 
 
-class FeedforwardPd:
+class FeedforwardPd(TrackingController):
     """A joint position loop with the plan's efforts, as of UR arms and of ros2_control.
 
     The stiffness grows with each joint's inertia.
     """
-
-    def __init__(self, robot: RobotModel, plan: PlannedMotion, feedback: Feedback) -> None:
-        self._plan, self._feedback = plan, feedback
-        self._bandwidth = np.maximum(plan.stiff, feedback.bandwidth)
 
     def effort(self, k: int, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the plan's efforts in the middle of the period, and feedback."""
@@ -222,7 +215,7 @@ class Pd(FeedforwardPd):
         self._bandwidth = np.where(has_effort, plan.stiff, self._bandwidth)
 
 
-_MAKERS: Mapping[str, ControllerMaker] = {
+_MAKERS: Mapping[str, type[TrackingController]] = {
     COMPUTED_TORQUE: ComputedTorque,
     FEEDFORWARD_PD: FeedforwardPd,
     PD: Pd,
