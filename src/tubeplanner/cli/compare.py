@@ -61,16 +61,15 @@ def compare(
         )
     with console.shown_progress() as enter:
         loaded, loading_time = console.load_timed(problem, enter, changes)
-        require_writable(files.paths, [loaded.robot.urdf.path])
+        files.spare([loaded.robot.urdf.path])
         result = compare_methods(loaded, names, options=options, progress=enter)
         motions = _motions(result, trajectories)
-        files.write(result, plot_comparison, *motions, folder=trajectories)
-        files.paths += [each.path for each in motions if each.path is not None]
+        files.write_result(result, plot_comparison, *motions, folder=trajectories)
     certified = sum(row.certified for row in result.rows)
     message = f"{certified} of {len(result.rows)} certified"
     message += console.OTHERS_NOT_TRIED if result.stopped_by else ""
     text = None if as_json else lambda: comparison_text(result)
-    return files.say(result, message, loading_time, text, "--trajectories")
+    return files.answer(result, message, loading_time, text, "--trajectories")
 
 
 def _motions(result: Comparison, folder: Path | None) -> list[console.Output]:

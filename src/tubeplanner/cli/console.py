@@ -410,14 +410,19 @@ class OutputFiles:
         require_writable(list(self.paths.values()), list(map(Path, inputs)))
 
     def write(
-        self, contents: Mapping[str, Callable[[Path], bytes]], *, is_held: bool = True
+        self,
+        contents: Mapping[str, Callable[[Path], bytes]],
+        *,
+        is_held: bool = True,
     ) -> None:
         """Write the requested files from functions by kind; hold Ctrl-C before, unless told not."""
         if is_held:
             hold_interrupts()
-        paths = {kind: path for kind, path in self.paths.items() if kind in contents}
-        write_answer(*(Output(kind, path, contents[kind]) for kind, path in paths.items()))
-        self.written = {kind: path for kind, path in paths.items() if unless_failed(path)}
+        kinds = [kind for kind in self.paths if kind in contents]
+        write_answer(*(Output(kind, self.paths[kind], contents[kind]) for kind in kinds))
+        self.written = {
+            kind: path for kind, path in self.paths.items() if kind in kinds and unless_failed(path)
+        }
 
     def path_text(self, kind: str) -> str | None:
         """Return the path of a written file for JSON; None: it is not written."""
@@ -431,23 +436,27 @@ class OutputFiles:
             say_unwritten(*self._options)
 
 
-class TableFiles:
+class TableFiles(OutputFiles):
     """Table and figure of several plans, as the options -o and --plot request.
 
     Attributes:
-        paths: Of the requested files, others included.
+        more: Paths of further files, which are written with the table.
     """
 
-    def __init__(self, table: Path | None, figure: Path | None, input_: str, *others: Path) -> None:
-        from tubeplanner.output.figures.figure_files import require_figure
+    def __init__(
+        self, table: Path | None, figure: Path | None, input_: str, journal: Path | None = None
+    ) -> None:
+        from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS
 
-        require_ending(table, "-o", (".csv", ".json"))
-        require_figure(figure, "--plot")
-        self._table, self._figure = table, figure
-        self.paths = [path for path in (table, *others, figure) if path is not None]
-        require_writable(self.paths, [Path(input_)])
+        super().__init__(
+            Request("table", table, "-o TABLE.csv", (".csv", ".json")),
+            Request("journal", journal),
+            Request("figure", figure, "--plot", FIGURE_ENDINGS),
+            inputs=[input_],
+        )
+        self.more: list[Path] = []
 
-    def write(
+    def write_result(
         self, result: Any, plot: Callable[[Any], Any], *more: Output, folder: Path | None = None
     ) -> None:
         """Write the files, more files first; `folder` as for `write_answer`."""
@@ -459,14 +468,17 @@ class TableFiles:
             return (json.dumps(result.as_dict(), allow_nan=False) + "\n").encode()
 
         hold_interrupts()
+        self.more = [each.path for each in more if each.path is not None]
         write_answer(
             *more,
-            Output("table", self._table, table),
-            Output("figure", self._figure, lambda path: figure_file(plot(result), path)),
+            Output("table", self.paths.get("table"), table),
+            Output(
+                "figure", self.paths.get("figure"), lambda path: figure_file(plot(result), path)
+            ),
             folder=folder,
         )
 
-    def say(
+    def answer(
         self,
         result: Any,
         message: str,
@@ -481,7 +493,8 @@ class TableFiles:
             print_json({**report, **result.as_dict()})
         else:
             say(text(), message, sep="\n")
-            say_files(self.paths, "-o TABLE.csv", "--plot", *options)
+            paths = [*self.paths.values(), *self.more]
+            say_files(paths, "-o TABLE.csv", "--plot", *options)
         return SUCCESS if result.succeeded else INFEASIBLE
 
 

@@ -6,18 +6,15 @@ from typing import Any
 
 import click
 from rich.markup import escape
-from rich.table import Table
 
 from tubeplanner.cli import console
-from tubeplanner.cli.interrupts import hold_interrupts
-from tubeplanner.cli.report import certificate_text, rendered
+from tubeplanner.cli.report import certificate_text, new_table, rendered
 from tubeplanner.output.page.explanation_page import view_explanation
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies.explanation import Explanation, ineffective_text, setting_text, tried_text
 from tubeplanner.studies.explanation import explain as search
 from tubeplanner.studies.remedies import Headroom, Remedy
 from tubeplanner.text import savings
-from tubeplanner.writing import require_writable
 
 _SENSITIVITIES_SHOWN = 10
 _SCALES = "the smallest first: the scale of a place is 0.1 m, of an angle 0.1 rad, else the value"
@@ -55,9 +52,8 @@ def explain(
     names the error that no motion survives. Exit status 0 if the problem, or the problem with a
     change, can be planned; else the exit status of plan.
     """
-    console.require_ending(html, "--html", console.PAGE_ENDINGS)
-    if html is not None:
-        require_writable([html], [Path(problem)])
+    request = console.Request("page", html, "--html", console.PAGE_ENDINGS)
+    files = console.OutputFiles(request, inputs=[problem])
     options = PlanOptions(quality=quality)
     begin = time.perf_counter()
     with console.shown_progress() as enter, console.workers_of(processes) as workers:
@@ -74,10 +70,8 @@ def explain(
     if html is not None and explanation.drawn is None:
         notes = [f"{html} was not written: the tube cannot be drawn"]
     elif html is not None:
-        hold_interrupts()
-        page = console.Output("page", html, lambda _: view_explanation(explanation).html.encode())
-        console.write_answer(page)
-        notes = [f"page: {html}"] if console.unless_failed(html) else []
+        files.write({"page": lambda _: view_explanation(explanation).html.encode()})
+        notes = [f"page: {path}" for path in files.written.values()]
     if as_json:
         report = {**console.empty_report("", ""), **explanation.as_dict()}
         console.print_json({**report, "search_time": search_time, "notes": notes})
@@ -122,15 +116,9 @@ def _remedy_lines(explanation: Explanation) -> list[str]:
 
 
 def _remedy_table(remedies: tuple[Remedy, ...]) -> str:
-    table = Table(
-        title="any one of these makes it possible (planned with it and certified)",
-        title_justify="left",
-    )
-    table.add_column("change")
-    table.add_column("not enough")
-    table.add_column("of its scale", justify="right")
-    table.add_column("duration", justify="right")
-    table.add_column("field")
+    title = "any one of these makes it possible (planned with it and certified)"
+    headings = ("change", "not enough", ">of its scale", ">duration", "field")
+    table = new_table(title, *headings)
     for remedy in remedies:
         table.add_row(
             escape(remedy.text),
@@ -157,11 +145,8 @@ def _headroom_lines(explanation: Explanation) -> list[str]:
 
 
 def _headroom_table(headrooms: tuple[Headroom, ...]) -> str:
-    table = Table(title="how much worse one of these may become", title_justify="left")
-    table.add_column("still possible")
-    table.add_column("duration", justify="right")
-    table.add_column("nothing found with")
-    table.add_column("field")
+    headings = ("still possible", ">duration", "nothing found with", "field")
+    table = new_table("how much worse one of these may become", *headings)
     for headroom in headrooms:
         table.add_row(
             escape(headroom.text),

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.cli import console
-from tubeplanner.cli.report import rendered
+from tubeplanner.cli.report import new_table, rendered
 from tubeplanner.errors import OptionError, RobotError
 from tubeplanner.geometry.collision_checker import LinkCover, link_covers
 from tubeplanner.geometry.link_geometry import link_contents
@@ -168,11 +168,8 @@ def robot_text(info: RobotInfo) -> str:
 
 
 def _joint_table(joints: Sequence[JointInfo]) -> str:
-    table = Table(title="joints, in the order of the chain", title_justify="left")
-    for heading in ("joint", "type", "parent"):
-        table.add_column(heading)
-    for heading in _TABLED:
-        table.add_column(heading, justify="right")
+    limited = [f">{quantity}" for quantity in _TABLED]
+    table = new_table("joints, in the order of the chain", "joint", "type", "parent", *limited)
     for joint in joints:
         limits = [_limit(joint.limits[quantity]) for quantity in _TABLED]
         table.add_row(escape(joint.name), joint.type, escape(joint.parent), *limits)
@@ -226,11 +223,8 @@ def _other_joint_lines(others: Sequence[OtherJoint]) -> list[str]:
 
 def _link_table(links: Sequence[LinkInfo]) -> list[str]:
     """Return the links with mass or geometry as a table; no line if there is no link."""
-    table = Table(title="links with mass or geometry", title_justify="left")
-    table.add_column("link")
-    table.add_column("mass [kg]", justify="right")
-    table.add_column("collision geometry")
-    table.add_column("visual geometry")
+    headings = ("link", ">mass [kg]", "collision geometry", "visual geometry")
+    table = new_table("links with mass or geometry", *headings)
     for link in links:
         if link.mass is not None or link.collision or link.visual:
             mass = "-" if link.mass is None else f"{link.mass:.4g}"
@@ -379,9 +373,8 @@ def _numbers(values: Any) -> str:
 
 def _segment_table(problem: PlanningProblem) -> str:
     tube = problem.tube
-    table = Table(title="segments of the tube, in m and rad", title_justify="left")
-    for heading in ("segment", "from", "to", "length", "radius", "what else"):
-        table.add_column(heading, justify="left" if heading == "what else" else "right")
+    headings = (">segment", ">from", ">to", ">length", ">radius", "what else")
+    table = new_table("segments of the tube, in m and rad", *headings)
     for k in range(tube.segment_count):
         ends = tube.points[k : k + 2]
         length = float(np.linalg.norm(ends[1] - ends[0]))
@@ -429,12 +422,8 @@ def _cycle_lines(cycle: Cycle) -> list[str]:
 
 
 def _step_table(cycle: Cycle) -> str:
-    table = Table(title="moves and what happens between them", title_justify="left")
-    table.add_column("what")
-    for heading in ("segments", "length"):
-        table.add_column(heading, justify="right")
-    for heading in ("ends", "carries"):
-        table.add_column(heading)
+    headings = ("what", ">segments", ">length", "ends", "carries")
+    table = new_table("moves and what happens between them", *headings)
     for k, leg in enumerate(cycle.legs):
         _add_stop(table, leg.before)
         for move in leg.moves:
@@ -485,10 +474,8 @@ def links(problem: str, changes: dict[str, Any], as_json: bool) -> None:
 
 def links_text(problem: PlanningProblem, covers: Sequence[LinkCover]) -> str:
     """Return the cover errors of links as a table, and the pairs that are not checked."""
-    table = Table(title=f"{problem.name}: links and their convex covers", title_justify="left")
-    table.add_column("link")
-    for heading in ("shapes", "stand off by", "where others come near", "by"):
-        table.add_column(heading, justify="right")
+    headings = ("link", ">shapes", ">stand off by", ">where others come near", ">by")
+    table = new_table(f"{problem.name}: links and their convex covers", *headings)
     for each in covers:
         closer = ("", "")
         if each.closer_error is not None:

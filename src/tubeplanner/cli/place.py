@@ -7,12 +7,11 @@ from typing import Any
 
 import click
 from rich.markup import escape
-from rich.table import Table
 
 from tubeplanner.cli import console
-from tubeplanner.cli.report import rendered
+from tubeplanner.cli.report import new_table, rendered
 from tubeplanner.errors import OptionError
-from tubeplanner.output.figures.figure_files import figure_file, require_figure
+from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
 from tubeplanner.output.figures.placement_map import plot_placement
 from tubeplanner.output.files.problem_file import with_placement
 from tubeplanner.resources import find_problem
@@ -94,12 +93,10 @@ def place(
     supports = () if stands_on == (_NONE,) else stands_on or None
     source = find_problem(problem, Path())
     journal = None if output is None else output.with_suffix(".jsonl")
-    console.require_ending(output, "-o", (".yaml", ".yml", ".json"))
-    require_figure(figure, "--plot")
     requests = [
-        console.Request("problem", output, "-o BEST.yaml"),
+        console.Request("problem", output, "-o BEST.yaml", (".yaml", ".yml", ".json")),
         console.Request("journal", journal),
-        console.Request("map", figure, "--plot"),
+        console.Request("map", figure, "--plot", FIGURE_ENDINGS),
     ]
     files = console.OutputFiles(*requests, inputs=ProblemLayers.read(source).files)
     begin = time.perf_counter()
@@ -119,7 +116,7 @@ def place(
         best = placement.changes
         contents = {"problem": lambda path: with_placement(source, path, best, changes), **contents}
     files.write(contents)
-    files.written |= {"journal": journal} if journal is not None else {}
+    files.written |= {} if journal is None else {"journal": journal}
     search_time = time.perf_counter() - begin
     if as_json:
         status = "success" if placement.succeeded else "no_trajectory"
@@ -165,10 +162,7 @@ def _reason_lines(placement: Placement) -> list[str]:
     """Return a table of reasons of places without motion, the most frequent first."""
     if not placement.reasons:
         return []
-    table = Table(title="places without a motion", title_justify="left")
-    table.add_column("places", justify="right")
-    table.add_column("reason")
-    table.add_column("for example")
+    table = new_table("places without a motion", ">places", "reason", "for example")
     for reason, count, example in placement.reasons[:_MAX_REASONS]:
         table.add_row(str(count), escape(reason), escape(example))
     lines = [rendered(table)]

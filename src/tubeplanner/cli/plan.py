@@ -17,7 +17,7 @@ from tubeplanner.cli.report import plan_text
 from tubeplanner.errors import OptionError
 from tubeplanner.limits.peaks import peaks_as_dict, trajectory_peaks
 from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
-from tubeplanner.output.files.trajectory_writer import FORMATS, ExportedMotion, Format, require_rate
+from tubeplanner.output.files.trajectory_writer import FORMATS, ExportedMotion, require_rate
 from tubeplanner.planning.options import METHODS, PlanOptions
 from tubeplanner.planning.strategy import plan as plan_problem
 from tubeplanner.planning.strategy import plan_cycle
@@ -127,10 +127,6 @@ def _written(files: console.OutputFiles, loaded: Task, result: Any, rate: float 
         judged = {"certificates": [result.certificate], "sensitivities": result.sensitivities}
         return view_motions(loaded, {"planned motion": motion}, **judged).html.encode()
 
-    texts = {each.kind: partial(_content, each, exported) for each in FORMATS}
+    texts = {each.kind: partial(each.content, exported) for each in FORMATS}
     files.write({**texts, "plot": figure, "view": page})
     return replace(result, notes=(*result.notes, *exported.notes))
-
-
-def _content(kind: Format, exported: ExportedMotion, _: Path) -> bytes:
-    return kind.text(exported).encode()

@@ -179,10 +179,7 @@ def condition_cells(condition: JudgedCondition, tolerance: Tolerance) -> tuple[s
 
 
 def _condition_table(title: str) -> Table:
-    table = Table(title=title, title_justify="left")
-    for heading in ("condition", "margin", "holds", "where", "coverage"):
-        table.add_column(heading, justify="right" if heading == "margin" else "left")
-    return table
+    return new_table(title, "condition", ">margin", "holds", "where", "coverage")
 
 
 def other_speeds_line(certificate: Certificate) -> str:
@@ -212,6 +209,15 @@ def left_out_lines(certificate: Certificate | CycleCertificate) -> list[str]:
     named = "; ".join(" and ".join(pair.links) for pair in touching)
     note = f"not checked, because they touch in all of {TOUCH_SAMPLES} sampled configurations"
     return [f"note: {note}: {named}"] * bool(touching)
+
+
+def new_table(title: str, *headings: str) -> Table:
+    """Return an empty table; columns whose heading begins with ">" are aligned to the right."""
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        is_right = heading.startswith(">")
+        table.add_column(heading.removeprefix(">"), justify="right" if is_right else "left")
+    return table
 
 
 def rendered(table: Table) -> str:

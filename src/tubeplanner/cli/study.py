@@ -6,17 +6,15 @@ from pathlib import Path
 
 import click
 from rich.markup import escape
-from rich.table import Table
 
 from tubeplanner.checks import in_figures, is_number
 from tubeplanner.cli import console
-from tubeplanner.cli.report import rendered
+from tubeplanner.cli.report import new_table, rendered
 from tubeplanner.output.figures.study_figures import plot_study
 from tubeplanner.studies.study import StudyResult, StudyRow, run_study
 from tubeplanner.studies.study_file import load_study
 from tubeplanner.task.field_changes import factor_of
 from tubeplanner.text import value_text
-from tubeplanner.writing import require_writable
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _MAX_REASONS = 12
@@ -53,32 +51,31 @@ def study(
     rows have the reason.
     """
     journal = None if output is None else output.with_suffix(".jsonl")
-    files = console.TableFiles(output, figure, study, *filter(None, [journal]))
+    files = console.TableFiles(output, figure, study, journal)
     with console.shown_progress() as enter:
         begin = time.perf_counter()
         enter("reading the study")
         loaded = load_study(study)
-        require_writable(files.paths, loaded.files)
+        files.spare(loaded.files)
         loading_time = time.perf_counter() - begin
         with console.workers_of(processes, scheduler) as workers:
             result = run_study(loaded, journal=journal, executor=workers, progress=enter)
-        files.write(result, plot_study)
+        files.write_result(result, plot_study)
     planned = sum(row.duration is not None for row in result.rows)
     done, count = len(result.rows), len(result.study.points)
     message = f"{planned} of {done} points have a certified motion"
     if result.stopped_by is not None:
         remedy = "run the same command again to go on" if journal else "nothing is kept without -o"
         message += f"; interrupted, {count - done} of {count} are left: {remedy}"
-    return files.say(result, message, loading_time, None if as_json else lambda: study_text(result))
+    return files.answer(
+        result, message, loading_time, None if as_json else lambda: study_text(result)
+    )
 
 
 def study_text(result: StudyResult) -> str:
     """Return a table of statuses and reasons with their counts, and the shortest motion."""
     name, count = result.study.name, len(result.study.points)
-    table = Table(title=f"{name}: {count} points", title_justify="left")
-    table.add_column("status")
-    table.add_column("points", justify="right")
-    table.add_column("for example")
+    table = new_table(f"{name}: {count} points", "status", ">points", "for example")
     by_reason: dict[tuple[str, str], list[StudyRow]] = {}  # that differ in numbers at most
     for row in result.rows:
         reason = "" if row.duration is not None else _NUMBER.sub("#", row.message)

@@ -20,7 +20,6 @@ from tubeplanner.studies.sweeps import FieldSweep, SweepResult, sweep_field
 from tubeplanner.studies.sweeps import sweep as sweep_problem
 from tubeplanner.task.field_changes import is_of_objective, parse_variation
 from tubeplanner.text import in_milliseconds, value_text
-from tubeplanner.writing import require_writable
 
 
 @click.command()
@@ -75,17 +74,17 @@ def sweep(
             console.require_used(changes, slack)
             radii, scales = _numbers("--radius", radius), _numbers("--radius-scale", radius_scale)
             loaded, loading_time = console.load_timed(problem, enter, changes)
-            require_writable(files.paths, [loaded.robot.urdf.path])
+            files.spare([loaded.robot.urdf.path])
             result = sweep_problem(
                 *(loaded, radii), scales=scales, options=options, executor=workers, progress=enter
             )
-        files.write(result, plot_field_sweep if variations else plot_sweep)
+        files.write_result(result, plot_field_sweep if variations else plot_sweep)
     planned = sum(row.duration is not None for row in result.rows)
     message = f"{planned} of {len(result.rows)} planned"
     message += console.OTHERS_NOT_TRIED if result.stopped_by else ""
     text = field_sweep_text if variations else sweep_text
     printed = None if as_json else partial(text, result)  # type: ignore[arg-type]
-    return files.say(result, message, loading_time, printed)
+    return files.answer(result, message, loading_time, printed)
 
 
 def _swept_field(

@@ -8,10 +8,9 @@ from typing import Any
 
 import click
 from rich.markup import escape
-from rich.table import Table
 
 from tubeplanner.cli import console
-from tubeplanner.cli.report import rendered
+from tubeplanner.cli.report import new_table, rendered
 from tubeplanner.errors import OptionError
 from tubeplanner.output.files.new_problem_files import notes_on_dropped, read_cell, taught_problem
 from tubeplanner.output.files.problem_file import (
@@ -327,9 +326,7 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
         f"{result.measuring_time:.1f} s"
     ]
     if result.succeeded:
-        table = Table(title="Measured tube", title_justify="left")
-        for heading in ("segment", "bound", "largest", "ended by"):
-            table.add_column(heading)
+        table = new_table("Measured tube", "segment", "bound", "largest", "ended by")
         for k, segment in enumerate(result.segments):
             for row in _measured_rows(segment):
                 table.add_row(str(k), *map(escape, row))
@@ -360,9 +357,8 @@ def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
 
 def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
     """Return sign patterns as a table, and the suggested pattern."""
-    table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
-    for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):
-        table.add_column(heading)
+    headings = ("segment", "signs", "reachable", "free", "radius up to", "why not")
+    table = new_table(f"{problem.name}: configurations by segment", *headings)
     for row in survey.rows:
         signs = ", ".join(f"{name} {sign}" for name, sign in row.signs.items())
         radius = "" if row.radius is None else f"{1000 * row.radius:.0f} mm"

@@ -9,14 +9,14 @@ import click
 from tubeplanner.certificate.verification import Certificate, CycleCertificate
 from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
-from tubeplanner.output.figures.figure_files import figure_file, require_figure
+from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
 from tubeplanner.output.figures.trajectory_figures import plot_motion
 from tubeplanner.output.files.file_notes import has_other_part, motion_notes, notes_on_file
 from tubeplanner.output.page.viewer import View, names_of_files, view_motions
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.motion import Motion, Task, motion_of_file
 from tubeplanner.trajectory.reader import read_trajectory_file
-from tubeplanner.writing import require_writable, write_files
+from tubeplanner.writing import write_files
 
 
 @click.command()
@@ -38,9 +38,8 @@ def view(
     motion was made for another problem. PROBLEM needs no tube: the arm is shown at its start, in
     its cell. All moves of a cycle are on one time line, with the events between moves.
     """
-    console.require_ending(html, "--html", console.PAGE_ENDINGS)
-    if html is not None:
-        require_writable([html], [Path(problem), *trajectories])
+    request = console.Request("view", html, "--html", console.PAGE_ENDINGS)
+    console.OutputFiles(request, inputs=[problem, *trajectories])
     with console.shown_progress() as enter:
         loaded, _ = console.load_either_timed(problem, enter, changes, reads_tube=None)
         motion_view, verdicts = _shown(loaded, trajectories, enter)
@@ -108,11 +107,11 @@ def plot(
     Without -o the figure is written next to TRAJECTORY, with the same name and the ending .png.
     """
     target = output or trajectory.with_suffix(".png")
-    require_figure(target, "-o")
-    require_writable([target], [trajectory, Path(problem)])
+    request = console.Request("plot", target, "-o", FIGURE_ENDINGS)
+    files = console.OutputFiles(request, inputs=[trajectory, problem])
     with console.shown_progress() as enter:
         loaded, loading_time = console.load_either_timed(problem, enter, changes)
-        require_writable([target], [loaded.robot.urdf.path])
+        files.spare([loaded.robot.urdf.path])
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         enter("drawing")
         figure = plot_motion(motion_of_file(loaded, trajectory, read))

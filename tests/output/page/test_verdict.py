@@ -11,7 +11,7 @@ from stored_trajectories import REFINEMENT
 from tubeplanner import LimitOverrides, Payload, load_robot, verify
 from tubeplanner.certificate.verification import verify_cycle
 from tubeplanner.optimizer.stages import Sensitivity
-from tubeplanner.output.page.verdict import limit_sources
+from tubeplanner.output.page.panel import limit_sources
 from tubeplanner.output.page.viewer import view, view_cycle
 from tubeplanner.robot.joint_limits import LimitLayer
 

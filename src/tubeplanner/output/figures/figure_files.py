@@ -63,7 +63,7 @@ def figure_file(figure: "Figure", path: Path) -> bytes:
     """
     from matplotlib import rc_context
 
-    require_figure(path)
+    require_ending(path, "figure", FIGURE_ENDINGS)
     ending = path.suffix.lower()
     resolution = _DPI if ending == ".png" else _DPI_OF_PICTURES
     stream = io.BytesIO()
@@ -71,11 +71,6 @@ def figure_file(figure: "Figure", path: Path) -> bytes:
         kind, about = ending.removeprefix("."), _METADATA[ending]
         figure.savefig(stream, format=kind, dpi=resolution, metadata=about)
     return stream.getvalue()
-
-
-def require_figure(path: Path | None, option: str = "figure") -> None:
-    """Raise OptionError unless the name of a figure's file, if any, ends in a format's ending."""
-    require_ending(path, option, FIGURE_ENDINGS)
 
 
 # ---- The grid of panels of a motion's figure.

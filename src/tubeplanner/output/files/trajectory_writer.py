@@ -103,6 +103,10 @@ class Format(NamedTuple):
         """Name of the options' value in a command."""
         return self.options[-1].removeprefix("--")
 
+    def content(self, exported: ExportedMotion, _: Path) -> bytes:
+        """Return the content of a file."""
+        return self.text(exported).encode()
+
 
 def write_trajectory(
     path: str | Path,
@@ -152,7 +156,7 @@ def _write(
     require_rate(rate)
     require_writable([path])
     exported = ExportedMotion(motion, rate=rate)
-    write_files({path: by_ending[path.suffix.lower()].text(exported).encode()})
+    write_files({path: by_ending[path.suffix.lower()].content(exported, path)})
     return exported.notes
 
 

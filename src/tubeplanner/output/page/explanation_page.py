@@ -14,9 +14,8 @@ from tubeplanner.first_guess.pose_configurations import spread_seeds
 from tubeplanner.outcome import Infeasible, Location
 from tubeplanner.output.drawing import BLOCKED_COLOR, directions, hull_surface, pipe, rgb
 from tubeplanner.output.page.motion_scene import build_scene
-from tubeplanner.output.page.panel import panel_data
+from tubeplanner.output.page.panel import panel_data, with_verdict
 from tubeplanner.output.page.scene import Item, Layer, ShownTrajectory, poses_standing
-from tubeplanner.output.page.verdict import with_verdict
 from tubeplanner.output.page.viewer import View
 from tubeplanner.studies.explanation import Explanation, ineffective_text, setting_text, tried_text
 from tubeplanner.studies.remedies import Headroom, Remedy

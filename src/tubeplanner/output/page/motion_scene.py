@@ -4,7 +4,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -112,7 +111,10 @@ def build_scene(
     points += [part.seen_at(step) for each in parts for part in each for step in (0, -1)]
     points += [] if is_cycle else lines
     direction = direction_of(arms[0], lines, cell.obstacles, hulls)
-    thickness = line_thickness(cell.tubes, float(np.ptp(np.vstack(points), axis=0).max()))
+    # The radius of drawn lines [m]: thin in all tubes, visible in a scene of a size [m].
+    size = float(np.ptp(np.vstack(points), axis=0).max())
+    radius = min(float(tube.effective_radius.min()) for tube in cell.tubes)
+    thickness = float(np.clip(0.12 * radius, 0.002 * size, 0.004 * size))
     fastest = max(float(each.speed.max()) for each in arms)
     width, executed = thickness, None
     if execution is not None:
@@ -126,11 +128,12 @@ def build_scene(
         ]
         own = sections[i] if sections else ()
         arms[i], orientation = tool_orientation(i, robot, cell.tubes, own, each, thickness)
-        items += arm_items(i, links)
-        items += carried_items(i, [*(() if each.name in empty_handed else carried), *bodies])
+        in_hand = () if each.name in empty_handed else carried
+        items += solid_items(i, links, [*in_hand, *bodies])
         items += [*cell.items(i, thickness), *obstacle_items(i, cell.obstacles)]
         items += tool_items(i, each, robot, width, fastest)
-        last = [orientation, swept_item(i, each, swept[i])]
+        space = Item(Layer.SWEPT, i, "links", swept[i], rgb(SWEPT_COLOR), 0.22)
+        last = [orientation, [space] * (each.duration > 0)]
         items += [item for group in (last[::-1] if is_cycle else last) for item in group]
     return Scene(
         name=task.name,
@@ -234,32 +237,25 @@ _BALL_POINTS, _BALL_OPACITY = 150, 0.35
 _POINT_COLOR = "#111111"
 
 
-def arm_items(trajectory: int, parts: list[LinkPart]) -> list[Item]:
-    """Return the links of an arm."""
-    return [
-        Item(Layer.ARM, trajectory, f"{part.link}/{i}", part.surface, color, 1, part.body)
-        for i, part in enumerate(parts)
-        for color in [np.array(part.color)]
-    ]
+def solid_items(
+    i: int,
+    links: Iterable[LinkPart],
+    carried: Iterable[tuple[int, str, Surface]],
+) -> Iterator[Item]:
+    """Yield the links of an arm and the carried solids: bodies, names and surfaces."""
+    for k, part in enumerate(links):
+        color = np.array(part.color)
+        yield Item(Layer.ARM, i, f"{part.link}/{k}", part.surface, color, 1, part.body)
+    for body, name, surface in carried:
+        color = rgb(CARRIED_COLOR)
+        yield Item(Layer.CARRIED, i, name, surface, color, 0.85, body, is_smooth=False)
 
 
-def carried_items(trajectory: int, surfaces: Iterable[tuple[int, str, Surface]]) -> list[Item]:
-    """Return carried solids, from bodies, names and surfaces."""
-    color = rgb(CARRIED_COLOR)
-    return [
-        Item(Layer.CARRIED, trajectory, name, surface, color, 0.85, body, is_smooth=False)
-        for body, name, surface in surfaces
-    ]
-
-
-def obstacle_items(trajectory: int, obstacles: Iterable[Obstacle]) -> list[Item]:
-    """Return the obstacles."""
-    color = rgb(OBSTACLE_COLOR)
-    return [
-        Item(Layer.OBSTACLES, trajectory, each.name, surface, color, 0.55, is_smooth=False)
-        for each in obstacles
-        for surface in [joined(shape_surface(shape) for shape in each.shapes)]
-    ]
+def obstacle_items(i: int, obstacles: Iterable[Obstacle]) -> Iterator[Item]:
+    """Yield the obstacles."""
+    for each in obstacles:
+        surface, color = joined(map(shape_surface, each.shapes)), rgb(OBSTACLE_COLOR)
+        yield Item(Layer.OBSTACLES, i, each.name, surface, color, 0.55, is_smooth=False)
 
 
 def reference_item(trajectory: int, name: str, points: FloatArray, thickness: float) -> Item:
@@ -286,13 +282,6 @@ def tool_items(
     return items
 
 
-def swept_item(i: int, trajectory: ShownTrajectory, swept: Surface) -> list[Item]:
-    """Return the space swept by links, if they move."""
-    if trajectory.duration == 0:
-        return []
-    return [Item(Layer.SWEPT, i, "links", swept, rgb(SWEPT_COLOR), 0.22)]
-
-
 def swept_surface(
     trajectory: ShownTrajectory, hulls: list[tuple[int, FloatArray]], steps: int
 ) -> Surface:
@@ -310,12 +299,6 @@ def swept_surface(
         pairs = pairwise(poses) if len(poses) > 1 else [(poses[0],)]
         pieces += [hull_surface(np.vstack(pair)) for pair in pairs]
     return joined(pieces)
-
-
-def line_thickness(tubes: Iterable[Tube], size: float) -> float:
-    """Return the radius of drawn lines [m]: thin in all tubes, visible in a scene of a size [m]."""
-    radius = min(float(tube.effective_radius.min()) for tube in tubes)
-    return float(np.clip(0.12 * radius, 0.002 * size, 0.004 * size))
 
 
 # ---- Orientation of the tool: its axes, and the cones that the tube allows for one of the axes.
@@ -360,22 +343,26 @@ def tool_orientation(
     """
     cones = rotation_cones(sections, shown)
     bounds = [row for tube in tubes if tube.rotation for row in tube.rotation.bounds]
-    items = [*axes_items(i, robot, thickness), *pointer_items(i, robot, bounds, thickness)]
-    items += cone_items(i, shown.rotation.shape[1], cones, thickness)
-    if not sections:
-        for k, tube in enumerate(tubes):
-            items += standing_cones(i, f"tube_{k}", tube, thickness)
-    return with_bodies(shown, cones), items
-
-
-def axes_items(i: int, robot: RobotModel, thickness: float) -> list[Item]:
-    """Return the axes of the tool centre point of an arm, for lines of a radius [m]."""
     body, placement = robot.link_body[robot.tool_frame], _tool_placement(robot)
     items = []
     for axis, (name, color) in enumerate(zip(AXIS_NAMES, AXIS_COLORS, strict=True)):
-        stick = _stick(axis, thickness, _AXIS_LENGTH * thickness).moved(placement)
-        items.append(Item(Layer.AXES, i, name, stick, rgb(color), body=body))
-    return items
+        line = _stick(axis, thickness, _AXIS_LENGTH * thickness).moved(placement)
+        items.append(Item(Layer.AXES, i, name, line, rgb(color), body=body))
+    for axis in sorted({axis for row in bounds if (axis := cone_axis(row)) is not None}):
+        line = _stick(axis, 0.6 * thickness, _POINTER_LENGTH * thickness).moved(placement)
+        name = f"{POINTER}{AXIS_NAMES[axis]}"
+        items.append(Item(Layer.ROTATION, i, name, line, rgb(_POINTER_COLOR), body=body))
+    for k, cone in enumerate(cones):
+        surface, carrier = _cone(cone.bounds, thickness), shown.rotation.shape[1] + k
+        items.append(_cone_item(i, f"cone_{k}", surface, carrier))
+    for k, tube in enumerate(() if sections else tubes):
+        items += standing_cones(i, f"tube_{k}", tube, thickness)
+    return with_bodies(shown, cones), items
+
+
+def _cone_item(i: int, name: str, cone: Surface, body: int = 0) -> Item:
+    color = rgb(CONE_COLOR)
+    return Item(Layer.ROTATION, i, name, cone, color, _CONE_OPACITY, body, is_smooth=False)
 
 
 def rotation_cones(
@@ -405,21 +392,6 @@ def rotation_cones(
     return list(result.values())
 
 
-def cone_items(i: int, first: int, cones: Sequence[RotationCone], thickness: float) -> list[Item]:
-    """Return cones as moving bodies, numbered from the first on."""
-    options: dict[str, Any] = {
-        "color": rgb(CONE_COLOR),
-        "opacity": _CONE_OPACITY,
-        "is_smooth": False,
-    }
-    return [
-        Item(
-            Layer.ROTATION, i, f"cone_{k}", _cone(each.bounds, thickness), body=first + k, **options
-        )
-        for k, each in enumerate(cones)
-    ]
-
-
 def standing_cones(i: int, name: str, tube: Tube, thickness: float) -> Iterator[Item]:
     """Yield the cones at the reference points of a tube, each of the tolerance after the point."""
     rotation = tube.rotation
@@ -435,22 +407,7 @@ def standing_cones(i: int, name: str, tube: Tube, thickness: float) -> Iterator[
         placement[:3, :3] = rotation.reference_at(fraction, np.array([segment]))[0]
         placement[:3, 3] = tube.points[k]
         cone = _cone(rotation.bounds[segment], thickness).moved(placement)
-        color = rgb(CONE_COLOR)
-        yield Item(Layer.ROTATION, i, f"{name}_{k}", cone, color, _CONE_OPACITY, is_smooth=False)
-
-
-def pointer_items(
-    i: int, robot: RobotModel, bounds: Sequence[FloatArray], thickness: float
-) -> list[Item]:
-    """Return the axes of the tool that cones bound, as dark lines that move with the tool."""
-    axes = sorted({axis for each in bounds if (axis := cone_axis(each)) is not None})
-    body, placement = robot.link_body[robot.tool_frame], _tool_placement(robot)
-    items = []
-    for axis in axes:
-        stick = _stick(axis, 0.6 * thickness, _POINTER_LENGTH * thickness).moved(placement)
-        name = f"{POINTER}{AXIS_NAMES[axis]}"
-        items.append(Item(Layer.ROTATION, i, name, stick, rgb(_POINTER_COLOR), body=body))
-    return items
+        yield _cone_item(i, f"{name}_{k}", cone)
 
 
 def cone_axis(bounds: FloatArray) -> int | None:

@@ -25,9 +25,8 @@ from tubeplanner.errors import OptionError, OutputError, TrajectoryError
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.output.drawing import EXECUTED_COLOR, WARNING_COLOR, rgb
 from tubeplanner.output.page.motion_scene import build_scene
-from tubeplanner.output.page.panel import panel_data
+from tubeplanner.output.page.panel import panel_data, with_verdict
 from tubeplanner.output.page.scene import Item, Layer, Scene
-from tubeplanner.output.page.verdict import with_verdict
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.motion import CycleMotion, Motion, ProblemMotion, Task
 from tubeplanner.task.problem import PlanningProblem
