@@ -348,7 +348,7 @@ def tool_orientation(
     for axis, (name, color) in enumerate(zip(AXIS_NAMES, AXIS_COLORS, strict=True)):
         line = _stick(axis, thickness, _AXIS_LENGTH * thickness).moved(placement)
         items.append(Item(Layer.AXES, i, name, line, rgb(color), body=body))
-    for axis in sorted({axis for row in bounds if (axis := cone_axis(row)) is not None}):
+    for axis in sorted({each for row in bounds if (each := cone_axis(row)) is not None}):
         line = _stick(axis, 0.6 * thickness, _POINTER_LENGTH * thickness).moved(placement)
         name = f"{POINTER}{AXIS_NAMES[axis]}"
         items.append(Item(Layer.ROTATION, i, name, line, rgb(_POINTER_COLOR), body=body))
