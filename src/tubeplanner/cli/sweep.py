@@ -9,10 +9,9 @@ from typing import Any
 
 import click
 from rich.markup import escape
-from rich.table import Table
 
 from tubeplanner.cli import console
-from tubeplanner.cli.report import rendered
+from tubeplanner.cli.report import new_table, rendered
 from tubeplanner.errors import OptionError
 from tubeplanner.output.figures.sweep_figures import plot_field_sweep, plot_sweep
 from tubeplanner.planning.options import PlanOptions
@@ -122,10 +121,8 @@ def _numbers(option: str, text: str | None) -> list[float] | None:
 def sweep_text(result: SweepResult) -> str:
     """Return a sweep as a table, as wide as the terminal, and the rows' messages."""
     scaled = result.quantity != "radius"
-    table = Table(title=f"{result.problem.name}: duration against tolerance", title_justify="left")
-    for heading in ("scale" if scaled else "radius", "duration", "10 % more radius", "planned in"):
-        table.add_column(heading, justify="right")
-    table.add_column("answer")
+    headings = (">scale" if scaled else ">radius", ">duration", ">10 % more radius", ">planned in")
+    table = new_table(f"{result.problem.name}: duration against tolerance", *headings, "answer")
     for row in result.rows:
         value = f"{row.value:g}" if scaled else f"{1000 * row.value:g} mm"
         if row.result is None or row.duration is None:
@@ -142,13 +139,10 @@ def sweep_text(result: SweepResult) -> str:
 
 def field_sweep_text(result: FieldSweep) -> str:
     """Return a sweep over a field as a table, as wide as the terminal, and the answers' notes."""
-    table = Table(title=f"{result.name}: duration against {result.path}", title_justify="left")
     headings = ["duration", *["shortest"] * result.varies_objective]
     headings += [*["runs failed"] * result.is_simulated, "planned in"]
-    table.add_column(escape(result.path), justify="right")
-    for heading in headings:
-        table.add_column(heading, justify="right")
-    table.add_column("answer")
+    columns = [f">{heading}" for heading in (escape(result.path), *headings)]
+    table = new_table(f"{result.name}: duration against {result.path}", *columns, "answer")
     for row in result.rows:
         value = escape(value_text(row.value))
         if row.result is None or row.duration is None:
