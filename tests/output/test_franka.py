@@ -10,13 +10,14 @@ from tubeplanner import JointTrajectory, OptionError, load_robot
 from tubeplanner.output.controllers import Effect, franka_limits, judged_by_franka
 
 FER, FR3 = franka_limits("fer"), franka_limits("fr3")
-FREE = replace(
-    FER,
-    velocity=np.full(7, 1e3),
-    acceleration=np.full(7, 1e6),
-    jerk=np.full(7, 1e9),
-    effort_rate=np.full(7, 1e9),
-)
+
+
+def limited(limits, **most):
+    rows = {name: np.full(7, value) for name, value in most.items()}
+    return replace(limits, most={**limits.most, **rows})
+
+
+FREE = limited(FER, velocity=1e3, acceleration=1e6, jerk=1e9, effort_rate=1e9)
 START = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.5])
 SHAPE = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
 POSITION = "joint_motion_generator_position_limits_violation"
@@ -44,7 +45,7 @@ def test_of_the_fr3_some_joints_have_other_ends_below_than_above_and_the_panda_o
     assert lower[0, 5] == pytest.approx(0.35 - np.sqrt(11 * (0.6 - 0.54092)))
 
     lower, upper = FER.velocity_bounds(np.full((3, 7), 2.8))
-    assert upper == pytest.approx(np.tile(FER.velocity, (3, 1)))
+    assert upper == pytest.approx(np.tile(FER.most["velocity"], (3, 1)))
     assert lower == pytest.approx(-upper)
 
 
@@ -72,7 +73,7 @@ def test_a_quintic_just_below_a_limit_is_accepted_and_one_above_it_aborts(
     """Differences over a millisecond are means: a fraction of the peak is lost, below 2 %."""
     angle, duration, limit = 0.9, 1.0, 10.0**order
     field = ("velocity", "acceleration", "jerk")[order - 1]
-    limits = replace(FREE, **{field: np.full(7, limit)})
+    limits = limited(FREE, **{field: limit})
     exact = duration * (peak * angle / duration**order / limit) ** (1 / order)
     assert refusals(panda, turning(panda, angle, 1.001 * exact), limits) == {}
     result = refusals(panda, turning(panda, angle, 0.95 * exact), limits)
@@ -96,9 +97,7 @@ def test_differences_are_those_that_a_loop_over_commands_takes(panda):
         jerk = (bend - a) / 1e-3
         q, v, a = command, rate, bend
         worst = {n: max(worst[n], abs(x)) for n, x in zip(worst, (rate, bend, jerk), strict=True)}
-    limits = replace(
-        FREE, velocity=np.full(7, 1e-3), acceleration=np.full(7, 1e-3), jerk=np.full(7, 1e-3)
-    )
+    limits = limited(FREE, velocity=1e-3, acceleration=1e-3, jerk=1e-3)
     result = refusals(panda, trajectory, limits)
     values = [abs(result[error].value) for error in (VELOCITY, ACCELERATION, JERK)]
     assert values == pytest.approx(list(worst.values()), rel=1e-5)
@@ -149,9 +148,7 @@ def test_near_its_end_the_fr3_is_slower(panda):
 
 
 def test_torques_and_the_tool_are_noted_and_abort_nothing(panda):
-    weak = replace(
-        FREE, effort=np.full(7, 1.0), effort_rate=np.full(7, 1e-3), tool_rates=(1e-3,) * 3
-    )
+    weak = replace(limited(FREE, effort=1.0, effort_rate=1e-3), tool_rates=(1e-3,) * 3)
     verdict = judged_by_franka("fer", panda, turning(panda, 0.5, 2.0), weak)
     assert verdict.accepted
     assert {each.effect for each in verdict.findings} == {Effect.NOTED}

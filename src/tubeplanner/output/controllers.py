@@ -1,6 +1,6 @@
 """Verdicts of robot controllers on a trajectory: libfranka's joint positions, ros2_control."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
@@ -11,7 +11,7 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import OptionError
 from tubeplanner.output.files.samples import samples_for_export
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.robot.overrides import LimitOverrides
+from tubeplanner.robot.overrides import QUANTITIES, LimitOverrides
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.side_files import read_preset
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -142,11 +142,7 @@ class FrankaLimits:
     Attributes:
         name: Of the arm.
         position: Lower and upper, shape (2, 7) [rad].
-        velocity: Shape (7,) [rad/s].
-        acceleration: Shape (7,) [rad/s^2].
-        jerk: Shape (7,) [rad/s^3].
-        effort: Shape (7,) [N m].
-        effort_rate: Shape (7,) [N m/s].
+        most: By quantity, of `QUANTITIES` and in its unit, shape (7,).
         tool_rates: Limits on translation of Cartesian commands: velocity, acceleration and jerk
             [m/s, m/s^2, m/s^3].
         velocity_laws: Velocity limits by position: deceleration [rad/s^2], offset [rad/s], lower
@@ -155,11 +151,7 @@ class FrankaLimits:
 
     name: str
     position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    jerk: FloatArray
-    effort: FloatArray
-    effort_rate: FloatArray
+    most: Mapping[str, FloatArray]
     tool_rates: tuple[float, float, float]
     velocity_laws: FloatArray | None = None
 
@@ -169,7 +161,7 @@ class FrankaLimits:
         Args:
             q: Positions, shape (N, 7) [rad].
         """
-        most = np.broadcast_to(self.velocity, q.shape)
+        most = np.broadcast_to(self.most["velocity"], q.shape)
         if self.velocity_laws is None:
             return -most, most
         deceleration, offset, lower, upper = self.velocity_laws
@@ -194,11 +186,7 @@ def franka_limits(name: str) -> FrankaLimits:
     return FrankaLimits(
         name=FRANKA_ARMS[name],
         position=read_only(_rows(limits, "position").T if position is None else position),
-        velocity=_rows(limits, "velocity"),
-        acceleration=_rows(limits, "acceleration"),
-        jerk=_rows(limits, "jerk"),
-        effort=_rows(limits, "effort"),
-        effort_rate=_rows(limits, "effort_rate"),
+        most={name: _rows(limits, name) for name in QUANTITIES if getattr(limits, name)},
         tool_rates=(np.inf if limits.tool_speed is None else limits.tool_speed, *_TOOL[name]),
         velocity_laws=laws,
     )
@@ -222,9 +210,11 @@ PERIOD = 1e-3  # [s]
 _STILL = 3  # commands before the first and after the last: a jerk takes three differences
 _ROUNDING = 1e-6  # fraction of a limit
 _AT_REST = 1e-3  # fraction of a limit: velocity and acceleration at both ends
-_VELOCITY_JUMP = "joint_motion_generator_velocity_discontinuity"
-_ACCELERATION_JUMP = "joint_motion_generator_acceleration_discontinuity"
-_TOOL_QUANTITIES = (("tool speed", "m/s"), ("tool acceleration", "m/s^2"), ("tool jerk", "m/s^3"))
+_GENERATOR = "joint_motion_generator"
+_VELOCITY_JUMP = f"{_GENERATOR}_velocity_discontinuity"
+_ACCELERATION_JUMP = f"{_GENERATOR}_acceleration_discontinuity"
+_RECOMMENDED = "recommended only, the robot follows otherwise without an error"
+_CARTESIAN = "enforced for Cartesian commands only"
 
 
 @dataclass(frozen=True)
@@ -237,18 +227,20 @@ class _Quantity:
     error: str
 
 
-_POSITION_QUANTITY = _Quantity(
-    "position", "rad", Effect.REFUSED, "joint_motion_generator_position_limits_violation"
+_ABORTS = (
+    _Quantity("position", "rad", Effect.REFUSED, f"{_GENERATOR}_position_limits_violation"),
+    _Quantity("velocity", "rad/s", Effect.REFUSED, f"{_GENERATOR}_velocity_limits_violation"),
+    _Quantity("acceleration", "rad/s^2", Effect.REFUSED, _VELOCITY_JUMP),
+    _Quantity("jerk", "rad/s^3", Effect.REFUSED, _ACCELERATION_JUMP),
 )
-_VELOCITY = _Quantity(
-    "velocity", "rad/s", Effect.REFUSED, "joint_motion_generator_velocity_limits_violation"
+_EFFORTS = {
+    "effort": _Quantity("torque", "N m", Effect.NOTED, _RECOMMENDED),
+    "effort_rate": _Quantity("torque rate", "N m/s", Effect.NOTED, _RECOMMENDED),
+}
+_TOOL_RATES = tuple(
+    _Quantity(f"tool {name}", unit, Effect.NOTED, _CARTESIAN)
+    for name, unit in (("speed", "m/s"), ("acceleration", "m/s^2"), ("jerk", "m/s^3"))
 )
-_ACCELERATION = _Quantity("acceleration", "rad/s^2", Effect.REFUSED, _VELOCITY_JUMP)
-_JERK = _Quantity("jerk", "rad/s^3", Effect.REFUSED, _ACCELERATION_JUMP)
-_RECOMMENDED = "recommended only, the robot follows otherwise without an error"
-_EFFORT = _Quantity("torque", "N m", Effect.NOTED, _RECOMMENDED)
-_EFFORT_RATE = _Quantity("torque rate", "N m/s", Effect.NOTED, _RECOMMENDED)
-_CARTESIAN = "enforced for Cartesian commands only"
 
 
 def judged_by_franka(
@@ -266,9 +258,9 @@ def judged_by_franka(
         OptionError: The robot has another number of joints than the limits.
     """
     chain = [joint for joint in robot.urdf.chain(robot.tool_frame) if joint in robot.joint_names]
-    if len(chain) != robot.joint_count or len(chain) != len(limits.velocity):
+    if len(chain) != robot.joint_count or len(chain) != len(_JOINTS):
         raise OptionError(
-            f"--for {name}: the {limits.name} has {len(limits.velocity)} joints; the problem plans "
+            f"--for {name}: the {limits.name} has {len(_JOINTS)} joints; the problem plans "
             f"{robot.joint_count} ({', '.join(robot.joint_names)})"
         )
     commands = _Commands(trajectory.reordered(chain))
@@ -312,29 +304,25 @@ def _aborts(commands: _Commands, limits: FrankaLimits) -> Iterator[ControllerFin
     """Yield positions and differences of positions beyond the necessary limits."""
     position = commands.position
     # As in libfranka's own rate limiter: the limit at the position of the last command.
-    slowest, fastest = limits.velocity_bounds(position[:-1])
-    bounds = {
-        _POSITION_QUANTITY: (limits.position[0], limits.position[1]),
-        _VELOCITY: (slowest, fastest),
-        _ACCELERATION: (-limits.acceleration, limits.acceleration),
-        _JERK: (-limits.jerk, limits.jerk),
-    }
-    scales = (np.ones(position.shape[1]), limits.velocity, limits.acceleration, limits.jerk)
+    bounds = [(*limits.position, np.ones(position.shape[1]))]
+    bounds.append((*limits.velocity_bounds(position[:-1]), limits.most["velocity"]))
+    for name in ("acceleration", "jerk"):
+        bounds.append((-limits.most[name], limits.most[name], limits.most[name]))
     names = commands.trajectory.joint_names
-    for order, (quantity, (lower, upper)) in enumerate(bounds.items()):
-        value = _differences(position, order)
-        time = commands.instants(order)
-        yield from _exceeded(quantity, names, time, value, lower, upper, scales[order])
+    for order, (quantity, sides) in enumerate(zip(_ABORTS, bounds, strict=True)):
+        value, time = _differences(position, order), commands.instants(order)
+        yield from _exceeded(quantity, names, time, value, *sides)
 
 
 def _unrest(commands: _Commands, limits: FrankaLimits) -> Iterator[ControllerFinding]:
     """Yield joints that do not begin or end at rest."""
     trajectory = commands.trajectory
     ends = trajectory.per_piece(2)
-    for quantity, jump, rows, limit in (
-        (_VELOCITY, _VELOCITY_JUMP, ends.velocity, limits.velocity),
-        (_ACCELERATION, _ACCELERATION_JUMP, ends.acceleration, limits.acceleration),
+    for quantity, jump, rows in (
+        (_ABORTS[1], _VELOCITY_JUMP, ends.velocity),
+        (_ABORTS[2], _ACCELERATION_JUMP, ends.acceleration),
     ):
+        limit = limits.most[quantity.name]
         for side, row in (("start", 0), ("end", -1)):
             joint = int((abs(rows[row]) / limit).argmax())
             value, name = float(rows[row, joint]), trajectory.joint_names[joint]
@@ -359,11 +347,9 @@ def _recommended(
     effort = robot.inverse_dynamics(at.position, at.velocity, at.acceleration)
     names = commands.trajectory.joint_names
     effort = effort[:, [robot.joint_names.index(name) for name in names]]
-    for order, quantity, limit in (
-        (0, _EFFORT, limits.effort),
-        (1, _EFFORT_RATE, limits.effort_rate),
-    ):
+    for order, (name, quantity) in enumerate(_EFFORTS.items()):
         value, time = _differences(effort, order), commands.instants(order)
+        limit = limits.most[name]
         yield from _exceeded(quantity, names, time, value, -limit, limit, limit)
 
 
@@ -373,12 +359,9 @@ def _cartesian(
     """Yield rates of the tool centre point beyond the limits of Cartesian commands."""
     within = commands.trajectory.reordered(robot.joint_names)
     tool = robot.tool_position(within.position(commands.time))
-    for order, ((name, unit), most) in enumerate(
-        zip(_TOOL_QUANTITIES, limits.tool_rates, strict=True), 1
-    ):
+    for order, (quantity, most) in enumerate(zip(_TOOL_RATES, limits.tool_rates, strict=True), 1):
         value = np.linalg.norm(_differences(tool, order), axis=1, keepdims=True)
         limit = np.array([most])
-        quantity = _Quantity(name, unit, Effect.NOTED, _CARTESIAN)
         time = commands.instants(order)
         yield from _exceeded(quantity, (None,), time, value, -limit, limit, limit)
 
