@@ -153,13 +153,9 @@ def section_of(kind: Any, *order: str) -> Callable[[type[_Section]], type[_Secti
 
 @dataclasses.dataclass(frozen=True)
 class SchemaLocation:
-    """Place in the schema of a document.
+    """Place in the schema of a document."""
 
-    Attributes:
-        kinds: Types that are valid here: models, maps, lists and scalars.
-    """
-
-    kinds: tuple[Any, ...]
+    kinds: tuple[Any, ...]  # types that are valid here: models, maps, lists and scalars
 
     @classmethod
     def of(cls, *annotations: Any) -> "SchemaLocation":

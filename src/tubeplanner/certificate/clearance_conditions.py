@@ -242,21 +242,13 @@ RequiredOver: TypeAlias = Callable[[FloatArray, FloatArray, IntArray], FloatArra
 
 @dataclass(frozen=True)
 class ClosestApproach:
-    """The closest approach of a set of pairs.
+    """The closest approach of a set of pairs."""
 
-    Attributes:
-        lower_bound: Bound on all distances beyond the required ones, at any time [m].
-        margin: Least distance beyond the required one that was found [m].
-        time: Time of that distance [s].
-        pair: Indices of the two shapes.
-        intervals: Number of tested intervals, each of a pair.
-    """
-
-    lower_bound: float
-    margin: float
-    time: float
-    pair: tuple[int, int]
-    intervals: int
+    lower_bound: float  # bound on all distances beyond the required ones, at any time [m]
+    margin: float  # least distance beyond the required one that was found [m]
+    time: float  # time of that distance [s]
+    pair: tuple[int, int]  # indices of the two shapes
+    intervals: int  # number of tested intervals, each of a pair
 
 
 def closest_approach(
@@ -293,19 +285,12 @@ def closest_approach(
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Pairs on undecided intervals, all halved equally often.
+    """Pairs on undecided intervals, all halved equally often."""
 
-    Attributes:
-        node: Interval, as piece * 2^level + number within the piece, shape (R,).
-        pair: Index of the pair, shape (R,).
-        direction: The last direction that separated the pair, shape (R, 3).
-        level: Number of halvings of the pieces.
-    """
-
-    node: IntArray
-    pair: IntArray
-    direction: FloatArray
-    level: int
+    node: IntArray  # interval, as piece * 2^level + number within the piece, shape (R,)
+    pair: IntArray  # index of the pair, shape (R,)
+    direction: FloatArray  # the last direction that separated the pair, shape (R, 3)
+    level: int  # number of halvings of the pieces
 
     def halves(self, split: BoolArray) -> "_Rows":
         """Return both halves of some rows."""

@@ -198,25 +198,16 @@ class DirectedEfforts:
 
     Polynomials of a time that runs from 0 to 1 over each interval, highest power first, (N, R). At
     a reversal one interval ends and the next begins, so that both one-sided limits are covered.
-
-    Attributes:
-        joint: Index of the joint, shape (R,).
-        start: Shape (R,) [s].
-        width: Shape (R,) [s].
-        position: Of the joint [rad or m].
-        velocity: Of the joint [rad/s or m/s].
-        effort: With nominal friction [N m or N].
-        unsure: Uncertainty of the effort by that of friction, never negative [N m or N].
-        error: Bound on the distance of the effort from its polynomial, shape (R,) [N m or N].
     """
 
-    joint: IntArray
-    start: FloatArray
-    width: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    effort: FloatArray
-    unsure: FloatArray
+    joint: IntArray  # index of the joint, shape (R,)
+    start: FloatArray  # shape (R,) [s]
+    width: FloatArray  # shape (R,) [s]
+    position: FloatArray  # of the joint [rad or m]
+    velocity: FloatArray  # of the joint [rad/s or m/s]
+    effort: FloatArray  # with nominal friction [N m or N]
+    unsure: FloatArray  # uncertainty of the effort by that of friction, never negative [N m or N]
+    # bound on the distance of the effort from its polynomial, shape (R,) [N m or N]
     error: FloatArray
 
     def most(self, sign: float) -> FloatArray:
@@ -228,21 +219,13 @@ class DirectedEfforts:
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """R parts of an enclosure's intervals, shape (R,) each.
+    """R parts of an enclosure's intervals, shape (R,) each."""
 
-    Attributes:
-        joint: Index of the joint.
-        interval: Index of the enclosure's interval.
-        piece: Index of the trajectory's piece.
-        start: Start of the part in the interval, from 0 to 1.
-        end: End of the part in the interval, from 0 to 1.
-    """
-
-    joint: IntArray
-    interval: IntArray
-    piece: IntArray
-    start: FloatArray
-    end: FloatArray
+    joint: IntArray  # index of the joint
+    interval: IntArray  # index of the enclosure's interval
+    piece: IntArray  # index of the trajectory's piece
+    start: FloatArray  # start of the part in the interval, from 0 to 1
+    end: FloatArray  # end of the part in the interval, from 0 to 1
 
 
 def directed_efforts(motion: JudgedMotion, joints: IntArray) -> DirectedEfforts:

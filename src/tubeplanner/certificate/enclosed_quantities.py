@@ -32,23 +32,15 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 @dataclass(frozen=True, eq=False)
 class EnclosedPose:
-    """Position and orientation of the tool, over the same I intervals.
+    """Position and orientation of the tool, over the same I intervals."""
 
-    Attributes:
-        tool: Position of the tool centre point, c = 3 [m].
-        rotation: Rotation matrix, row by row, c = 9; no column is farther off than the error.
-        speed: Bound on the speed, shape (I,) [m/s].
-        acceleration: Bound on the norm of the acceleration, shape (I,) [m/s^2].
-        spin: Bound on the angular velocity, shape (I,) [rad/s].
-        spin_rate: Bound on the angular acceleration, shape (I,) [rad/s^2].
-    """
-
-    tool: Enclosure
+    tool: Enclosure  # position of the tool centre point, c = 3 [m]
+    # rotation matrix, row by row, c = 9; no column is farther off than the error
     rotation: Enclosure
-    speed: FloatArray
-    acceleration: FloatArray
-    spin: FloatArray
-    spin_rate: FloatArray
+    speed: FloatArray  # bound on the speed, shape (I,) [m/s]
+    acceleration: FloatArray  # bound on the norm of the acceleration, shape (I,) [m/s^2]
+    spin: FloatArray  # bound on the angular velocity, shape (I,) [rad/s]
+    spin_rate: FloatArray  # bound on the angular acceleration, shape (I,) [rad/s^2]
 
 
 def enclosed_tool(
@@ -166,34 +158,22 @@ def enclosed_effort_rates(
 
 @dataclass(frozen=True, eq=False)
 class _BodyMotion:
-    """Majorants of a body.
+    """Majorants of a body."""
 
-    Attributes:
-        spin: Angular velocity.
-        unit: A vector of length one that is fixed in the body.
-        link: Vector from the origin of the parent body to the body's own.
-        origin: Origin of the body in the base frame; the value itself may be any constant off.
-    """
-
-    spin: FloatArray
-    unit: FloatArray
-    link: FloatArray
+    spin: FloatArray  # angular velocity
+    unit: FloatArray  # A vector of length one that is fixed in the body
+    link: FloatArray  # vector from the origin of the parent body to the body's own
+    # origin of the body in the base frame; the value itself may be any constant off
     origin: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class ToolMajorant:
-    """Bounds on the Taylor coefficients of the tool's trajectory, each (orders, I).
+    """Bounds on the Taylor coefficients of the tool's trajectory, each (orders, I)."""
 
-    Attributes:
-        position: Of the tool centre point [m]; the first row has no meaning.
-        axis: Of a unit vector fixed in the tool, such as each of its axes.
-        spin: Of the angular velocity [rad per interval], one order shorter.
-    """
-
-    position: FloatArray
-    axis: FloatArray
-    spin: FloatArray
+    position: FloatArray  # of the tool centre point [m]; the first row has no meaning
+    axis: FloatArray  # of a unit vector fixed in the tool, such as each of its axes
+    spin: FloatArray  # of the angular velocity [rad per interval], one order shorter
 
 
 def tool_majorant(robot: RobotModel, joints: FloatArray) -> ToolMajorant:

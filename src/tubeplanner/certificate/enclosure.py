@@ -39,18 +39,14 @@ _MIN_WIDTH = 1e-9  # [s]
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """A function of the joints of a trajectory at every instant, of c components.
+    """A function of the joints of a trajectory at every instant, of c components."""
 
-    Attributes:
-        derivatives: Number of derivatives of the joint positions that it depends on.
-        values: From joint positions and these derivatives, each (N, n), to the values, (N, c).
-        majorant: From bounds on the Taylor coefficients of the joint positions over I intervals,
-            shape (orders, I, n), in widths of the intervals, and from these widths (I,) [s], to
-            bounds on the coefficients of the quantity, shape (orders - derivatives, I, c).
-    """
-
-    derivatives: int
+    derivatives: int  # number of derivatives of the joint positions that it depends on
+    # from joint positions and these derivatives, each (N, n), to the values, (N, c)
     values: Callable[..., FloatArray]
+    # from bounds on the Taylor coefficients of the joint positions over I intervals, shape (orders,
+    # I, n), in widths of the intervals, and from these widths (I,) [s], to bounds on the
+    # coefficients of the quantity, shape (orders - derivatives, I, c)
     majorant: Callable[[FloatArray, FloatArray], FloatArray]
 
 
@@ -73,19 +69,12 @@ def total(terms: Iterable[Quantity]) -> Quantity:
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """A quantity of c components over I intervals, as polynomials of local time u from 0 to 1.
+    """A quantity of c components over I intervals, as polynomials of local time u from 0 to 1."""
 
-    Attributes:
-        start: Start of each interval, shape (I,) [s].
-        width: Width of each interval, shape (I,) [s].
-        coefficients: Shape (N, I, c), highest power first.
-        error: Bound on the distance of the quantity from the polynomials, shape (I, c).
-    """
-
-    start: FloatArray
-    width: FloatArray
-    coefficients: FloatArray
-    error: FloatArray
+    start: FloatArray  # start of each interval, shape (I,) [s]
+    width: FloatArray  # width of each interval, shape (I,) [s]
+    coefficients: FloatArray  # shape (N, I, c), highest power first
+    error: FloatArray  # bound on the distance of the quantity from the polynomials, shape (I, c)
 
     def at(self, time: FloatArray) -> FloatArray:
         """Return the polynomials' values at times (N,) [s], shape (N, c)."""

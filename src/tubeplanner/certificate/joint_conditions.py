@@ -185,31 +185,19 @@ def judge_continuity(motion: JudgedMotion) -> JudgedCondition:
 
 
 class Highest(NamedTuple):
-    """The largest of several extrema.
+    """The largest of several extrema."""
 
-    Attributes:
-        value: In the unit of the polynomials.
-        time: From the trajectory's begin [s].
-        column: Index of the extremum.
-    """
-
-    value: float
-    time: float
-    column: int
+    value: float  # in the unit of the polynomials
+    time: float  # from the trajectory's begin [s]
+    column: int  # index of the extremum
 
 
 class JointMargin(NamedTuple):
-    """The least margin between joints and their ranges.
+    """The least margin between joints and their ranges."""
 
-    Attributes:
-        margin: [rad or m]
-        time: From the trajectory's begin [s].
-        joint: Name of the joint.
-    """
-
-    margin: float
-    time: float
-    joint: str
+    margin: float  # [rad or m]
+    time: float  # from the trajectory's begin [s]
+    joint: str  # name of the joint
 
 
 def highest(extrema: Extrema, trajectory: JointTrajectory) -> Highest:
@@ -256,23 +244,14 @@ _MAX_ROWS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class _Approaches:
-    """A motions of joints towards an end of their ranges: upwards, then downwards.
+    """A motions of joints towards an end of their ranges: upwards, then downwards."""
 
-    Attributes:
-        joint: Shape (A,).
-        deceleration: Shape (A,) [rad/s^2 or m/s^2].
-        offset: Shape (A,) [rad/s or m/s].
-        largest: The velocity that margins are relative to, shape (A,) [rad/s or m/s].
-        distance: From the end, as polynomials (degree+1, pieces, A) [rad or m].
-        velocity: Towards the end, as polynomials of the same degree [rad/s or m/s].
-    """
-
-    joint: IntArray
-    deceleration: FloatArray
-    offset: FloatArray
-    largest: FloatArray
-    distance: FloatArray
-    velocity: FloatArray
+    joint: IntArray  # shape (A,)
+    deceleration: FloatArray  # shape (A,) [rad/s^2 or m/s^2]
+    offset: FloatArray  # shape (A,) [rad/s or m/s]
+    largest: FloatArray  # the velocity that margins are relative to, shape (A,) [rad/s or m/s]
+    distance: FloatArray  # from the end, as polynomials (degree+1, pieces, A) [rad or m]
+    velocity: FloatArray  # towards the end, as polynomials of the same degree [rad/s or m/s]
 
     def left(
         self, distance: FloatArray, velocity: FloatArray, which: IntArray

@@ -133,20 +133,14 @@ _POSE_ENCLOSURE, _ROTATION_ENCLOSURE = 1e-8, 1e-9
 
 @dataclass(frozen=True, eq=False)
 class JudgedMotion:
-    """A problem, a trajectory, and quantities of both, each computed once at its first use.
+    """A problem, a trajectory, and quantities of both, each computed once at its first use."""
 
-    Attributes:
-        problem: With neighbouring segments on the same line joined.
-        trajectory: In the robot's joint order.
-        tolerance: Largest violation that counts as none.
-        further: Makers of further margins of segments, as for `segment_margins`.
-        is_telling: False: visits are those with the largest margins; True: `telling_visits`.
-    """
-
-    problem: PlanningProblem
-    trajectory: JointTrajectory
-    tolerance: Tolerance
+    problem: PlanningProblem  # with neighbouring segments on the same line joined
+    trajectory: JointTrajectory  # in the robot's joint order
+    tolerance: Tolerance  # largest violation that counts as none
+    # makers of further margins of segments, as for `segment_margins`
     further: tuple[MarginMaker, ...] = ()
+    # false: visits are those with the largest margins; True: `telling_visits`
     is_telling: bool = False
 
     @property

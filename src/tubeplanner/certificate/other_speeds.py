@@ -71,19 +71,12 @@ class OtherSpeeds:
 
 @dataclass(frozen=True, eq=False)
 class PathSteps:
-    """S consecutive steps of a trajectory: pieces end and joints reverse only between steps.
+    """S consecutive steps of a trajectory: pieces end and joints reverse only between steps."""
 
-    Attributes:
-        trajectory: The trajectory.
-        piece: Index of the piece that holds each step, shape (S,).
-        local: Starts and ends of the steps, in the piece's own time, shape (2, S) [s].
-        direction: Signs of the joints' velocities: 1, -1 or 0, shape (S, n).
-    """
-
-    trajectory: JointTrajectory
-    piece: IntArray
-    local: FloatArray
-    direction: FloatArray
+    trajectory: JointTrajectory  # the trajectory
+    piece: IntArray  # index of the piece that holds each step, shape (S,)
+    local: FloatArray  # starts and ends of the steps, in the piece's own time, shape (2, S) [s]
+    direction: FloatArray  # signs of the joints' velocities: 1, -1 or 0, shape (S, n)
 
     @property
     def width(self) -> FloatArray:
@@ -147,22 +140,14 @@ class LimitSides:
     """R sides of limits at N samples: a limit holds while its used fraction is at most 1.
 
     The used fraction is static + linear p + square p^2 + change p'.
-
-    Attributes:
-        condition: Names in the certificate, R of them.
-        joint: Index of the joint, shape (R,).
-        static: Shape (N, R).
-        linear: Shape (N, R).
-        square: Shape (N, R).
-        change: Shape (N, R) [s].
     """
 
-    condition: tuple[str, ...]
-    joint: IntArray
-    static: FloatArray
-    linear: FloatArray
-    square: FloatArray
-    change: FloatArray
+    condition: tuple[str, ...]  # names in the certificate, R of them
+    joint: IntArray  # index of the joint, shape (R,)
+    static: FloatArray  # shape (N, R)
+    linear: FloatArray  # shape (N, R)
+    square: FloatArray  # shape (N, R)
+    change: FloatArray  # shape (N, R) [s]
 
     @classmethod
     def joined(cls, parts: Sequence["LimitSides"]) -> "LimitSides":
@@ -246,10 +231,6 @@ def tightest_slower_run(robot: RobotModel, trajectory: JointTrajectory) -> Slowe
 
     Exact over speeds; over time at samples: at least 2,000, and 20 in every piece, on both sides of
     breakpoints and reversals.
-
-    Args:
-        robot: The arm.
-        trajectory: In its joint order.
 
     Returns:
         None if nothing limits efforts.

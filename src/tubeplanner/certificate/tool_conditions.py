@@ -118,23 +118,14 @@ _MAX_GAIN = float(turning_gain(np.array(np.pi + _MAX_MOVE)))
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """R parts of intervals, each in a segment.
+    """R parts of intervals, each in a segment."""
 
-    Attributes:
-        interval: Index of the interval, shape (R,).
-        start: In the interval's local time, shape (R,).
-        width: In the interval's local time, shape (R,).
-        segment: Index of the tube's segment, shape (R,).
-        vector: Rotation vectors at both ends, shape (2, R, 3) [rad].
-        fraction: Fraction of the segment, not clipped, at both ends, shape (2, R).
-    """
-
-    interval: IntArray
-    start: FloatArray
-    width: FloatArray
-    segment: IntArray
-    vector: FloatArray
-    fraction: FloatArray
+    interval: IntArray  # index of the interval, shape (R,)
+    start: FloatArray  # in the interval's local time, shape (R,)
+    width: FloatArray  # in the interval's local time, shape (R,)
+    segment: IntArray  # index of the tube's segment, shape (R,)
+    vector: FloatArray  # rotation vectors at both ends, shape (2, R, 3) [rad]
+    fraction: FloatArray  # fraction of the segment, not clipped, at both ends, shape (2, R)
 
 
 def least_rotation_margin(

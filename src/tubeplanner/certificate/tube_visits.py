@@ -34,51 +34,31 @@ _MAX_ROWS = 1_000_000
 
 @dataclass(frozen=True)
 class Visit:
-    """The interval of a trajectory in a tube segment.
+    """The interval of a trajectory in a tube segment."""
 
-    Attributes:
-        segment: Index of the segment.
-        begin: [s].
-        end: [s].
-    """
-
-    segment: int
-    begin: float
-    end: float
+    segment: int  # index of the segment
+    begin: float  # [s]
+    end: float  # [s]
 
 
 @dataclass(frozen=True)
 class Passage:
-    """The passage of a compulsory point.
+    """The passage of a compulsory point."""
 
-    Attributes:
-        point: Index of the point.
-        time: Time of the nearest passage [s].
-        margin: Margin of the tool inside the ball about the point at that time [m].
-    """
-
-    point: int
-    time: float
-    margin: float
+    point: int  # index of the point
+    time: float  # time of the nearest passage [s]
+    margin: float  # margin of the tool inside the ball about the point at that time [m]
 
 
 @dataclass(frozen=True)
 class LeastMargin:
-    """The least margin of a quantity during visits: the tool's position, rotation or velocity.
+    """The least margin of a quantity during visits: the tool's position, rotation or velocity."""
 
-    Attributes:
-        lower_bound: Lower bound on the margin at all times [m, rad or relative].
-        attained: The least margin that was found [m, rad or relative].
-        time: Time of that margin [s].
-        segment: Index of the segment at that time.
-        intervals: Number of intervals tested.
-    """
-
-    lower_bound: float
-    attained: float
-    time: float
-    segment: int
-    intervals: int
+    lower_bound: float  # lower bound on the margin at all times [m, rad or relative]
+    attained: float  # the least margin that was found [m, rad or relative]
+    time: float  # time of that margin [s]
+    segment: int  # index of the segment at that time
+    intervals: int  # number of intervals tested
 
 
 def tube_visits(
@@ -197,14 +177,6 @@ def passages(
 
     An instant counts if either segment beside the point is current or, if segments are visited at
     will, may be. The margin is a lower bound, attained at that instant.
-
-    Args:
-        problem: The planning problem.
-        trajectory: The trajectory.
-        tool: Enclosed position of the tool.
-        visits: From `tube_visits`.
-        rotation: As for `tube_visits`.
-        further: As for `tube_visits`.
     """
     fit = _Fit(problem, trajectory, tool, rotation, further)
     time = fit.sample_times()

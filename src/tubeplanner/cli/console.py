@@ -278,29 +278,20 @@ def print_json(fields: dict[str, Any], indent: int | None = None) -> None:
 
 
 class Output(NamedTuple):
-    """An output file.
+    """An output file."""
 
-    Attributes:
-        kind: Noun for it.
-        path: Where it goes; None: it is not requested.
-        content: Function from the path to the content.
-    """
-
-    kind: str
-    path: Path | None
-    content: Callable[[Path], bytes]
+    kind: str  # noun for it
+    path: Path | None  # where it goes; None: it is not requested
+    content: Callable[[Path], bytes]  # function from the path to the content
 
 
 @dataclass
 class AnswerFiles:
-    """The output files of a run.
+    """The output files of a run."""
 
-    Attributes:
-        written: Kinds of the written files, by path, in order.
-        failures: Sentences on the other files, by path, in order.
-    """
-
+    # kinds of the written files, by path, in order
     written: dict[Path, str] = field(default_factory=dict)
+    # sentences on the other files, by path, in order
     failures: dict[Path, str] = field(default_factory=dict)
 
     @property
@@ -369,20 +360,14 @@ def unless_failed(path: Path | None) -> Path | None:
 
 
 class Request(NamedTuple):
-    """An output file that an option may request.
+    """An output file that an option may request."""
 
-    Attributes:
-        kind: Noun for it.
-        path: Where it goes; None: it is not requested.
-        option: The option, with an example of its value where that helps; empty: an option that
-            is not named where nothing is written.
-        endings: Allowed endings of its name; none: any.
-    """
-
-    kind: str
-    path: Path | None
+    kind: str  # noun for it
+    path: Path | None  # where it goes; None: it is not requested
+    # the option, with an example of its value where that helps; empty: an option that is not named
+    # where nothing is written
     option: str = ""
-    endings: tuple[str, ...] = ()
+    endings: tuple[str, ...] = ()  # allowed endings of its name; none: any
 
 
 class OutputFiles:

@@ -14,17 +14,12 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 @dataclass
 class _Interrupts:
-    """The signals of the current run.
+    """The signals of the current run."""
 
-    Attributes:
-        pressed: Numbers of the signals before the answer.
-        held: Numbers of the signals since the answer was begun; None: it is not begun.
-        depth: Number of enclosing `interrupts_remembered`.
-    """
-
-    pressed: list[int] = field(default_factory=list)
+    pressed: list[int] = field(default_factory=list)  # numbers of the signals before the answer
+    # numbers of the signals since the answer was begun; None: it is not begun
     held: list[int] | None = None
-    depth: int = 0
+    depth: int = 0  # number of enclosing `interrupts_remembered`
 
 
 _run = _Interrupts()

@@ -45,28 +45,18 @@ _NOTHING = -1e3  # [m or rad]: the shortfall where nothing is required
 
 @dataclass(frozen=True, eq=False)
 class Shortfall:
-    """The shortfall of a plan's runs, or the expected one of more runs; negative: slack.
+    """The shortfall of a plan's runs, or the expected one of more runs; negative: slack."""
 
-    Attributes:
-        radius: Of each joined segment, shape (m,) [m].
-        rotation: Of each joined segment, shape (m,) [rad].
-        clearance: From obstacles [m].
-        position: At the lower and upper position limits, shape (2, n) [rad or m].
-        self_collision: Between links [m]; no backoff helps there.
-        velocity: Of the velocity of each joint at which the controller stops, relative, (n,).
-        tracking: Of the distance of each joint from the plan at which the controller stops,
-            relative, (n,).
-        tool_tracking: Of the tool's distance from the plan likewise.
-    """
-
-    radius: FloatArray
-    rotation: FloatArray
-    clearance: float
-    position: FloatArray
-    self_collision: float
+    radius: FloatArray  # of each joined segment, shape (m,) [m]
+    rotation: FloatArray  # of each joined segment, shape (m,) [rad]
+    clearance: float  # from obstacles [m]
+    position: FloatArray  # at the lower and upper position limits, shape (2, n) [rad or m]
+    self_collision: float  # between links [m]; no backoff helps there
+    # of the velocity of each joint at which the controller stops, relative, (n,)
     velocity: FloatArray
+    # of the distance of each joint from the plan at which the controller stops, relative, (n,)
     tracking: FloatArray
-    tool_tracking: float
+    tool_tracking: float  # of the tool's distance from the plan likewise
 
     def most(self, kind: str) -> float:
         """Return the largest shortfall of a kind, such as "radius" [m or rad]."""
@@ -135,17 +125,11 @@ _MUCH_TRAVEL = 0.1  # [rad or m], of a joint beyond its position limits
 
 @dataclass(frozen=True)
 class BlamedError:
-    """The contribution of an error.
+    """The contribution of an error."""
 
-    Attributes:
-        error: Its name in the field robustness.
-        size: Its size there.
-        short: The shortfall without it, in the unit of `ErrorContribution`.
-    """
-
-    error: str
-    size: float
-    short: float
+    error: str  # its name in the field robustness
+    size: float  # its size there
+    short: float  # the shortfall without it, in the unit of `ErrorContribution`
 
 
 @dataclass(frozen=True)

@@ -20,35 +20,25 @@ _FREE = 1e3  # [rad or m]: the margin where nothing is required
 
 @dataclass(frozen=True)
 class Extreme:
-    """The extreme value of a quantity.
+    """The extreme value of a quantity."""
 
-    Attributes:
-        value: In the unit of the quantity.
-        location: Its time and location.
-    """
-
-    value: float
-    location: Location
+    value: float  # in the unit of the quantity
+    location: Location  # its time and location
 
 
 @dataclass(frozen=True)
 class TubeExcursions:
-    """The largest excursions of a motion beyond the requirements of a tube; negative: inside.
+    """The largest excursions of a motion beyond the requirements of a tube; negative: inside."""
 
-    Attributes:
-        tube: Excursion of the tool beyond the regions about the segments [m].
-        rotation: Rotation error beyond the tolerance [rad]; None where the tube leaves it free.
-        points: Excursion beyond the ball about the compulsory point that is missed most [m]; None
-            where there is none.
-        tube_by_segment: As `tube`, while each of the joined segments is current, shape (m,) [m].
-        rotation_by_segment: As `rotation`, shape (m,) [rad]; -1e3 where it is free.
-    """
-
-    tube: Extreme
+    tube: Extreme  # excursion of the tool beyond the regions about the segments [m]
+    # rotation error beyond the tolerance [rad]; None where the tube leaves it free
     rotation: Extreme | None
+    # excursion beyond the ball about the compulsory point that is missed most [m]; None where there
+    # is none
     points: Extreme | None
+    # as `tube`, while each of the joined segments is current, shape (m,) [m]
     tube_by_segment: FloatArray
-    rotation_by_segment: FloatArray
+    rotation_by_segment: FloatArray  # as `rotation`, shape (m,) [rad]; -1e3 where it is free
 
 
 def tube_excursions(
@@ -114,25 +104,18 @@ def tube_margins(
 
 @dataclass(frozen=True, eq=False)
 class _Margins:
-    """The margins of a motion in the current segments, at samples and at hand-overs.
+    """The margins of a motion in the current segments, at samples and at hand-overs."""
 
-    Attributes:
-        problem: The problem with joined segments, m of them.
-        time: T instants, shape (T,) [s].
-        tube: Margins of the tool, shape (T, m) [m]; `_FREE` where a segment is not current.
-        rotation: Margins of its rotation, shape (T, m) [rad]; None where the tube leaves it free.
-        passing: Margins in the balls about compulsory points, (T,) [m], by index.
-        first: The first current segment, shape (T,).
-        last: The last current segment, shape (T,): both must hold at a hand-over.
-    """
-
-    problem: PlanningProblem
-    time: FloatArray
+    problem: PlanningProblem  # the problem with joined segments, m of them
+    time: FloatArray  # T instants, shape (T,) [s]
+    # margins of the tool, shape (T, m) [m]; `_FREE` where a segment is not current
     tube: FloatArray
+    # margins of its rotation, shape (T, m) [rad]; None where the tube leaves it free
     rotation: FloatArray | None
+    # margins in the balls about compulsory points, (T,) [m], by index
     passing: dict[int, FloatArray]
-    first: IntArray
-    last: IntArray
+    first: IntArray  # the first current segment, shape (T,)
+    last: IntArray  # the last current segment, shape (T,): both must hold at a hand-over
 
 
 def _margins(

@@ -107,15 +107,10 @@ def drawn_plants(robot: RobotModel, errors: Robustness, draw: Draw | None = None
 
 @dataclass(frozen=True)
 class _Error:
-    """The errors of one arm, as fractions of their bounds.
+    """The errors of one arm, as fractions of their bounds."""
 
-    Attributes:
-        random: Generator of the arm.
-        corner: 1 for an arm with all errors at their bounds, 0 without any; None: drawn.
-    """
-
-    random: np.random.Generator
-    corner: float | None
+    random: np.random.Generator  # generator of the arm
+    corner: float | None  # 1 for an arm with all errors at their bounds, 0 without any; None: drawn
 
     def fraction(self, *shape: int) -> FloatArray:
         """Return fractions from 0 to 1."""
@@ -175,17 +170,11 @@ _SAME_INSTANT = 1e-9  # [s], of rounding
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """The arms and their model from a time on, until the next stage.
+    """The arms and their model from a time on, until the next stage."""
 
-    Attributes:
-        begin: Begin of the stage [s].
-        robot: The controller's model.
-        plants: The arms; in all stages equally many, with equal delays and noise.
-    """
-
-    begin: float
-    robot: RobotModel
-    plants: Sequence[Plant]
+    begin: float  # begin of the stage [s]
+    robot: RobotModel  # the controller's model
+    plants: Sequence[Plant]  # the arms; in all stages equally many, with equal delays and noise
 
     __repr__ = short_repr
 

@@ -225,17 +225,11 @@ _LEAST = _QUANTITIES[-2:]
 
 @dataclass(frozen=True)
 class RunSummary:
-    """One quantity over all runs.
+    """One quantity over all runs."""
 
-    Attributes:
-        worst: The worst value, with its time and location.
-        run: Index of its run.
-        median: Median of all runs.
-    """
-
-    worst: Extreme
-    run: int
-    median: float
+    worst: Extreme  # the worst value, with its time and location
+    run: int  # index of its run
+    median: float  # median of all runs
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""
@@ -464,13 +458,9 @@ def _whole(legs: Sequence[JudgedRun]) -> JudgedRun:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ExecutedLeg(MotionSection):
-    """The execution of one leg and of the rests beside it under the same load.
+    """The execution of one leg and of the rests beside it under the same load."""
 
-    Attributes:
-        execution: The executed section, in times of `trajectory`.
-    """
-
-    execution: Execution
+    execution: Execution  # the executed section, in times of `trajectory`
 
     __repr__ = short_repr
 

@@ -41,30 +41,22 @@ class PlannedMotion:
     """A plan at K instants, one control period apart, with the goal held beyond its end.
 
     An effort is held for one period, so its target is the motion in the middle of the period.
-
-    Attributes:
-        start: Samples at the instants.
-        middle: Samples in the middles of the periods that begin there.
-        acceleration: Mean over the periods, shape (K, n) [rad/s^2 or m/s^2].
-        friction: Coulomb friction in the middles, shape (K, n) [N m or N].
-        effort: Efforts of the motors in the middles, by the plan's model, shape (K, n) [N m or N].
-        inertia: Inertia that each motor alone accelerates in the middles, rotor included: one over
-            the diagonal of the inverse of the mass matrix, shape (K, n) [kg m^2 or kg].
-        freedom: That inertia over the inertia with all other joints at rest: 1 for a joint that no
-            other joint moves, near 0 for joints with nearly one axis, shape (K, n).
-        stiff: Bandwidth of each joint with its least stiffness, shape (K, n) [rad/s].
-        integral_limit: Largest effort of the integral action, shape (n,) [N m or N].
     """
 
-    start: TrajectorySamples
-    middle: TrajectorySamples
-    acceleration: FloatArray
-    friction: FloatArray
+    start: TrajectorySamples  # samples at the instants
+    middle: TrajectorySamples  # samples in the middles of the periods that begin there
+    acceleration: FloatArray  # mean over the periods, shape (K, n) [rad/s^2 or m/s^2]
+    friction: FloatArray  # coulomb friction in the middles, shape (K, n) [N m or N]
+    # efforts of the motors in the middles, by the plan's model, shape (K, n) [N m or N]
     effort: FloatArray
+    # inertia that each motor alone accelerates in the middles, rotor included: one over the
+    # diagonal of the inverse of the mass matrix, shape (K, n) [kg m^2 or kg]
     inertia: FloatArray
+    # that inertia over the inertia with all other joints at rest: 1 for a joint that no other joint
+    # moves, near 0 for joints with nearly one axis, shape (K, n)
     freedom: FloatArray
-    stiff: FloatArray
-    integral_limit: FloatArray
+    stiff: FloatArray  # bandwidth of each joint with its least stiffness, shape (K, n) [rad/s]
+    integral_limit: FloatArray  # largest effort of the integral action, shape (n,) [N m or N]
 
 
 def planned_motion(

@@ -53,15 +53,10 @@ _SMOOTHNESS = {"rest", "continuity", "jerk", "effort_rate"}
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """The trajectory of a scheme.
+    """The trajectory of a scheme."""
 
-    Attributes:
-        trajectory: The trajectory.
-        note: Further information about it.
-    """
-
-    trajectory: JointTrajectory
-    note: str
+    trajectory: JointTrajectory  # the trajectory
+    note: str  # further information about it
 
 
 def conventional(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:

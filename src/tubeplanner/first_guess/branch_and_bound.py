@@ -84,21 +84,13 @@ class SearchStatistics:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Node:
-    """The beginning of a trajectory: built up to the last waypoint but one.
+    """The beginning of a trajectory: built up to the last waypoint but one."""
 
-    Attributes:
-        waypoints: Indices of its waypoints.
-        velocity: At the last waypoint but one, shape (n,).
-        acceleration: At the last waypoint but one, shape (n,).
-        factor: Speed factor that the limits allow.
-        tube_segments: True for tube segments the tool may be in there, shape (m,).
-    """
-
-    waypoints: tuple[int, ...]
-    velocity: FloatArray
-    acceleration: FloatArray
-    factor: float
-    tube_segments: BoolArray
+    waypoints: tuple[int, ...]  # indices of its waypoints
+    velocity: FloatArray  # at the last waypoint but one, shape (n,)
+    acceleration: FloatArray  # at the last waypoint but one, shape (n,)
+    factor: float  # speed factor that the limits allow
+    tube_segments: BoolArray  # True for tube segments the tool may be in there, shape (m,)
 
 
 class BranchAndBound:

@@ -53,13 +53,10 @@ _STILL = 1e-9  # [rad or m]: joints that move less stand still
 
 @dataclass(frozen=True, eq=False)
 class ReferenceBranch:
-    """Configurations along the reference path.
+    """Configurations along the reference path."""
 
-    Attributes:
-        segments: Per segment, configurations from its start to its end, shape (P_k, n), neighbours
-            at most 0.1 rad apart; the last of one segment is the first of the next.
-    """
-
+    # per segment, configurations from its start to its end, shape (P_k, n), neighbours at most 0.1
+    # rad apart; the last of one segment is the first of the next
     segments: tuple[FloatArray, ...]
 
     @property

@@ -32,19 +32,12 @@ _MIN_SQUARE = 1e-8  # fraction of the largest s'^2: the tangent of a root is upr
 
 @dataclass(frozen=True, eq=False)
 class PathRows:
-    """I limits at N points of a path: a s'' + b s'^2 + d s' <= g, coefficients of shape (N, I).
+    """I limits at N points of a path: a s'' + b s'^2 + d s' <= g, coefficients of shape (N, I)."""
 
-    Attributes:
-        acceleration: a.
-        square: b.
-        speed: d.
-        allowed: g.
-    """
-
-    acceleration: FloatArray
-    square: FloatArray
-    speed: FloatArray
-    allowed: FloatArray
+    acceleration: FloatArray  # a
+    square: FloatArray  # b
+    speed: FloatArray  # d
+    allowed: FloatArray  # g
 
     def without_speed(self) -> "PathRows":
         """Return the limits without their terms in s'."""

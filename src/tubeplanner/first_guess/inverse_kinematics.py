@@ -84,16 +84,12 @@ _SETTINGS = read_only(
 
 @dataclass(frozen=True, eq=False)
 class WantedRotation:
-    """A target orientation of the tool.
+    """A target orientation of the tool."""
 
-    Attributes:
-        reference: Reference orientation, shape (3, 3), base frame.
-        vector: Target rotation vector, in the reference's frame, shape (3,) [rad].
-        components: True for components of the vector that count, shape (3,).
-    """
-
-    reference: FloatArray
+    reference: FloatArray  # reference orientation, shape (3, 3), base frame
+    # target rotation vector, in the reference's frame, shape (3,) [rad]
     vector: FloatArray = field(default_factory=lambda: np.zeros(3))
+    # True for components of the vector that count, shape (3,)
     components: BoolArray = field(default_factory=lambda: np.ones(3, dtype=bool))
 
     @property
@@ -112,17 +108,11 @@ class WantedRotation:
 
 @dataclass(frozen=True, eq=False)
 class PositionSolution:
-    """The configuration whose tool is nearest to a position.
+    """The configuration whose tool is nearest to a position."""
 
-    Attributes:
-        q: Configuration within the bounds, shape (n,) [rad or m].
-        error: Distance of the tool from the position [m].
-        rotation_error: Distance of the rotation vector from its target, in the components that
-            count [rad].
-    """
-
-    q: FloatArray
-    error: float
+    q: FloatArray  # configuration within the bounds, shape (n,) [rad or m]
+    error: float  # distance of the tool from the position [m]
+    # distance of the rotation vector from its target, in the components that count [rad]
     rotation_error: float = 0.0
 
 

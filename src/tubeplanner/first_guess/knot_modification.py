@@ -34,17 +34,11 @@ _LIMIT_SAMPLES = 13  # per piece, before the search for peaks
 
 @dataclass(frozen=True, eq=False)
 class KnotTrajectory:
-    """A trajectory through knots.
+    """A trajectory through knots."""
 
-    Attributes:
-        knots: Shape (K, n) [rad or m]; the first is the start, the last the goal.
-        construction: Builds the polynomials from the knots.
-        trajectory: The trajectory, at the limits.
-    """
-
-    knots: FloatArray
-    construction: Construction
-    trajectory: JointTrajectory
+    knots: FloatArray  # shape (K, n) [rad or m]; the first is the start, the last the goal
+    construction: Construction  # builds the polynomials from the knots
+    trajectory: JointTrajectory  # the trajectory, at the limits
 
     @property
     def duration(self) -> float:
@@ -117,19 +111,12 @@ _SEGMENTS_PER_DEPTH, _TRAJECTORIES_PER_SWEEP = 300, 8
 
 @dataclass(frozen=True, eq=False)
 class _Open:
-    """P open nodes of one depth, the most promising first.
+    """P open nodes of one depth, the most promising first."""
 
-    Attributes:
-        bound: Lower bound on the duration of completions, shape (P,) [s].
-        choices: Moves of the knots 1, 2, ..., shape (P, depth).
-        factor: Speed factor that the settled segments allow, shape (P,).
-        tube_segments: True for tube segments the tool may be in at their end, shape (P, m).
-    """
-
-    bound: FloatArray
-    choices: IntArray
-    factor: FloatArray
-    tube_segments: BoolArray
+    bound: FloatArray  # lower bound on the duration of completions, shape (P,) [s]
+    choices: IntArray  # moves of the knots 1, 2, ..., shape (P, depth)
+    factor: FloatArray  # speed factor that the settled segments allow, shape (P,)
+    tube_segments: BoolArray  # True for tube segments the tool may be in at their end, shape (P, m)
 
     def __len__(self) -> int:
         return len(self.bound)
@@ -292,22 +279,16 @@ def unit_response(construction: Construction, count: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class ModificationOptions:
-    """Options of the modification process; the paper gives none of these numbers.
+    """Options of the modification process; the paper gives none of these numbers."""
 
-    Attributes:
-        increment: First step of a knot along a revolute joint's axis [rad].
-        linear_increment: First step of a knot along a prismatic joint's axis [m].
-        halvings: Number of times that the increments are halved, each after no direction helped.
-        growth: Factor from each step of the line search to the next.
-        min_gain: Least gain that counts as an improvement, as a fraction of the duration.
-        direction_nodes: Number of nodes after which the search for a direction ends with its best.
-    """
-
-    increment: float = 0.1
-    linear_increment: float = 0.03
+    increment: float = 0.1  # first step of a knot along a revolute joint's axis [rad]
+    linear_increment: float = 0.03  # first step of a knot along a prismatic joint's axis [m]
+    # number of times that the increments are halved, each after no direction helped
     halvings: int = 5
-    growth: float = 1.6
+    growth: float = 1.6  # factor from each step of the line search to the next
+    # least gain that counts as an improvement, as a fraction of the duration
     min_gain: float = 2e-4
+    # number of nodes after which the search for a direction ends with its best
     direction_nodes: int = 200
 
     def __post_init__(self) -> None:

@@ -31,15 +31,10 @@ _MIN_GAIN = 1e-3
 
 @dataclass(frozen=True)
 class TrapezoidalSpeed:
-    """Trapezoidal speed of the tool on its lines.
+    """Trapezoidal speed of the tool on its lines."""
 
-    Attributes:
-        speed: While cruising [m/s].
-        acceleration: While speeding up, and while slowing down [m/s^2].
-    """
-
-    speed: float
-    acceleration: float
+    speed: float  # while cruising [m/s]
+    acceleration: float  # while speeding up, and while slowing down [m/s^2]
 
     def duration(self, distance: float) -> float:
         """Return the duration of a line of a length [m], from stop to stop [s]."""

@@ -28,17 +28,11 @@ def half_ranges(lower: FloatArray, upper: FloatArray) -> FloatArray:
 
 
 class OutsideBounds(NamedTuple):
-    """A joint outside its bounds.
+    """A joint outside its bounds."""
 
-    Attributes:
-        joint: The joint's index.
-        is_above: True above the upper bound, False below the lower bound.
-        words: The joint's name, value and bounds.
-    """
-
-    joint: int
-    is_above: bool
-    words: str
+    joint: int  # the joint's index
+    is_above: bool  # True above the upper bound, False below the lower bound
+    words: str  # the joint's name, value and bounds
 
 
 def outside_bounds(

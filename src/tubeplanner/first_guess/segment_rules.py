@@ -129,26 +129,17 @@ _COLLISION_TIMES = np.arange(1, 8) / 8
 
 @dataclass(frozen=True, eq=False)
 class SegmentBatch:
-    """C continuations of trajectories, each by L new segments: 1, or the last 2 to the goal.
+    """C continuations of trajectories, each by L new segments: 1, or the last 2 to the goal."""
 
-    Attributes:
-        parent: Index of the trajectory that is continued, shape (C,).
-        waypoints: Begin and end of the first new segment, and the waypoint after it, shape (C, 3).
-        built: Number of segments, new segments included, shape (C,).
-        remaining: Least number of further segments, shape (C,): the paper's nu.
-        coefficients: Of the new segments, shape (C, 5, L, n), highest power first.
-        factor: Speed factor that the limits allow so far, shape (C,).
-        tube_segments: True for tube segments the tool may be in at the start, shape (C, m).
-        inside: True for tube segments that hold the S samples tested so far, shape (C, S, L, m).
-    """
-
-    parent: IntArray
+    parent: IntArray  # index of the trajectory that is continued, shape (C,)
+    # begin and end of the first new segment, and the waypoint after it, shape (C, 3)
     waypoints: IntArray
-    built: IntArray
-    remaining: IntArray
-    coefficients: FloatArray
-    factor: FloatArray
-    tube_segments: BoolArray
+    built: IntArray  # number of segments, new segments included, shape (C,)
+    remaining: IntArray  # least number of further segments, shape (C,): the paper's nu
+    coefficients: FloatArray  # of the new segments, shape (C, 5, L, n), highest power first
+    factor: FloatArray  # speed factor that the limits allow so far, shape (C,)
+    tube_segments: BoolArray  # True for tube segments the tool may be in at the start, shape (C, m)
+    # True for tube segments that hold the S samples tested so far, shape (C, S, L, m)
     inside: BoolArray
 
     def __len__(self) -> int:

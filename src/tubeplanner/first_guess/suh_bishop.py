@@ -39,25 +39,16 @@ _BUDGET_FRACTIONS = (0.5, 0.85)
 
 @dataclass(frozen=True)
 class SuhBishopOptions:
-    """Options of phase 2; the paper gives none of these numbers.
+    """Options of phase 2; the paper gives none of these numbers."""
 
-    Attributes:
-        modification: Options of the modification process.
-        fewer_knots: MP also begins with up to this many knots less than phase 1's trajectory.
-        more_knots: MP also begins with up to this many knots more.
-        doubled: Number of the fastest trajectories doubled first; from then on, one.
-        min_gain: Doubling ends when it gains less than this fraction of the duration.
-        max_knots: Trajectories are not doubled to more knots.
-        node_budget: Number of nodes of the searches for a direction after which phase 2 ends,
-            about.
-    """
-
+    # options of the modification process
     modification: ModificationOptions = field(default_factory=ModificationOptions)
-    fewer_knots: int = 1
-    more_knots: int = 4
-    doubled: int = 3
-    min_gain: float = 3e-3
-    max_knots: int = 34
+    fewer_knots: int = 1  # MP also begins with up to this many knots less than phase 1's trajectory
+    more_knots: int = 4  # MP also begins with up to this many knots more
+    doubled: int = 3  # number of the fastest trajectories doubled first; from then on, one
+    min_gain: float = 3e-3  # doubling ends when it gains less than this fraction of the duration
+    max_knots: int = 34  # trajectories are not doubled to more knots
+    # number of nodes of the searches for a direction after which phase 2 ends, about
     node_budget: int = 40_000
 
     def __post_init__(self) -> None:
@@ -70,39 +61,25 @@ class SuhBishopOptions:
 
 @dataclass(frozen=True)
 class KnotStep:
-    """One modification process, from its beginning to its end.
+    """One modification process, from its beginning to its end."""
 
-    Attributes:
-        process: "MP" of phase 1's trajectory, "other knots" or "DP", the latter two followed by MP.
-        knots: Number of knots.
-        begin: Duration before any knot is moved [s].
-        duration: Duration in the end [s].
-    """
-
+    # "MP" of phase 1's trajectory, "other knots" or "DP", the latter two followed by MP
     process: str
-    knots: int
-    begin: float
-    duration: float
+    knots: int  # number of knots
+    begin: float  # duration before any knot is moved [s]
+    duration: float  # duration in the end [s]
 
 
 @dataclass(frozen=True)
 class PhaseTwoStatistics:
-    """Statistics of phase 2.
+    """Statistics of phase 2."""
 
-    Attributes:
-        steps: In order.
-        knots: Number of knots of the best trajectory.
-        nodes: Nodes expanded by all searches for a direction.
-        directions: Number of searches for a direction.
-        proved: Number of searches that ruled out every other direction.
-        budget_reached: True if the node budget ended a step: there may be better trajectories.
-    """
-
-    steps: tuple[KnotStep, ...]
-    knots: int
-    nodes: int = 0
-    directions: int = 0
-    proved: int = 0
+    steps: tuple[KnotStep, ...]  # in order
+    knots: int  # number of knots of the best trajectory
+    nodes: int = 0  # nodes expanded by all searches for a direction
+    directions: int = 0  # number of searches for a direction
+    proved: int = 0  # number of searches that ruled out every other direction
+    # True if the node budget ended a step: there may be better trajectories
     budget_reached: bool = False
 
     def as_dict(self) -> dict[str, Any]:

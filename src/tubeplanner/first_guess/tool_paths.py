@@ -27,22 +27,16 @@ _KEPT_FRACTION = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ToolCurve:
-    """A curve of P lines and arcs that join with the same direction.
+    """A curve of P lines and arcs that join with the same direction."""
 
-    Attributes:
-        start: Start of each piece, shape (P, 3) [m].
-        direction: Direction of the tool there, unit vectors, shape (P, 3).
-        normal: Towards the centre of an arc, unit vectors, shape (P, 3); anything for a line.
-        curvature: Shape (P,) [1/m], 0 for a line.
-        arc_lengths: Length of the curve up to the ends of its pieces, shape (P+1,), from 0 [m].
-        polyline_arc_lengths: Length of the polyline up to the same points, shape (P+1,) [m].
-    """
-
-    start: FloatArray
-    direction: FloatArray
+    start: FloatArray  # start of each piece, shape (P, 3) [m]
+    direction: FloatArray  # direction of the tool there, unit vectors, shape (P, 3)
+    # towards the centre of an arc, unit vectors, shape (P, 3); anything for a line
     normal: FloatArray
-    curvature: FloatArray
+    curvature: FloatArray  # shape (P,) [1/m], 0 for a line
+    # length of the curve up to the ends of its pieces, shape (P+1,), from 0 [m]
     arc_lengths: FloatArray
+    # length of the polyline up to the same points, shape (P+1,) [m]
     polyline_arc_lengths: FloatArray
 
     @property
@@ -163,18 +157,13 @@ _PROBES = (0.25, 0.5, 0.75)  # of every step
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
-    """A path in joint space whose tool is on a curve.
+    """A path in joint space whose tool is on a curve."""
 
-    Attributes:
-        joints: The path over the arc length in joint space [rad or m], which it runs at about unit
-            speed: cubics, C2.
-        curve: The tool's curve.
-        segment: Number, for messages, of the tube's segment in which it begins.
-    """
-
+    # the path over the arc length in joint space [rad or m], which it runs at about unit speed:
+    # cubics, C2
     joints: JointTrajectory
-    curve: ToolCurve
-    segment: int
+    curve: ToolCurve  # the tool's curve
+    segment: int  # number, for messages, of the tube's segment in which it begins
 
 
 def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool) -> list[ToolPath]:

@@ -49,30 +49,19 @@ _STRIDES = (64, 16, 4, 1)
 
 @dataclass(frozen=True, eq=False)
 class BodyShape:
-    """One convex shape and its owner.
+    """One convex shape and its owner."""
 
-    Attributes:
-        owner: Name of the link or obstacle.
-        body: Index of the robot's body that carries it; 0 is fixed.
-        shape: In the body's frame.
-    """
-
-    owner: str
-    body: int
-    shape: ConvexShape
+    owner: str  # name of the link or obstacle
+    body: int  # index of the robot's body that carries it; 0 is fixed
+    shape: ConvexShape  # in the body's frame
 
 
 class LeastSlack(NamedTuple):
-    """The pair with the least slack beyond its required distance, in N configurations.
+    """The pair with the least slack beyond its required distance, in N configurations."""
 
-    Attributes:
-        slack: The slack, (N,) [m]: exact if proven, `near` where no pair has less.
-        pair: Index of the pair, (N,); -1: none has less than `near`.
-        proven: True where the slack is proven, (N,); else the pair overlaps or all but touches.
-    """
-
-    slack: FloatArray
-    pair: IntArray
+    slack: FloatArray  # the slack, (N,) [m]: exact if proven, `near` where no pair has less
+    pair: IntArray  # index of the pair, (N,); -1: none has less than `near`
+    # True where the slack is proven, (N,); else the pair overlaps or all but touches
     proven: BoolArray
 
 

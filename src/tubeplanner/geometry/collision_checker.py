@@ -30,15 +30,11 @@ NEIGHBOURS, ALWAYS_TOUCHING, IGNORED = "neighbours", "always touching", "ignored
 
 @dataclass(frozen=True)
 class LeftOutPair:
-    """Two solids that are not checked against each other.
+    """Two solids that are not checked against each other."""
 
-    Attributes:
-        links: Their names.
-        reason: "neighbours" (a joint connects them), "always touching" (the solids, in all sampled
-            configurations) or "ignored" (by the problem, the SRDF or an attached solid).
-    """
-
-    links: Pair
+    links: Pair  # their names
+    # "neighbours" (a joint connects them), "always touching" (the solids, in all sampled
+    # configurations) or "ignored" (by the problem, the SRDF or an attached solid)
     reason: str
 
 
@@ -291,22 +287,14 @@ class CollisionScene:
 
 @dataclass(frozen=True)
 class LinkCover:
-    """The number of a link's shapes and their errors.
+    """The number of a link's shapes and their errors."""
 
-    Attributes:
-        link: Its name.
-        shapes: Number of its convex shapes.
-        outer_error: The largest distance found from their surface to the link itself [m].
-        closer_shapes: Number of the closer shapes for the links that come near it; 0 if it has
-            none.
-        closer_error: `outer_error` of the closer shapes, where other links come near [m]; None
-            without any.
-    """
-
-    link: str
-    shapes: int
-    outer_error: float
+    link: str  # its name
+    shapes: int  # number of its convex shapes
+    outer_error: float  # the largest distance found from their surface to the link itself [m]
+    # number of the closer shapes for the links that come near it; 0 if it has none
     closer_shapes: int
+    # `outer_error` of the closer shapes, where other links come near [m]; None without any
     closer_error: float | None
 
 
@@ -355,17 +343,13 @@ _PROBE_SEED = 0
 
 
 class _LinkPairs(NamedTuple):
-    """The judgement of pairs of links.
+    """The judgement of pairs of links."""
 
-    Attributes:
-        always_touching: Pairs whose links themselves touch in all sampled configurations.
-        refined: Pairs that are judged by `fine` instead of the links' usual covers.
-        fine: By link name, close covers of links where the other links of their refined pairs come
-            near, in the frame of the body.
-    """
-
+    # pairs whose links themselves touch in all sampled configurations
     always_touching: tuple[Pair, ...]
-    refined: tuple[Pair, ...]
+    refined: tuple[Pair, ...]  # pairs that are judged by `fine` instead of the links' usual covers
+    # by link name, close covers of links where the other links of their refined pairs come near, in
+    # the frame of the body
     fine: Mapping[str, Cover]
 
 

@@ -62,17 +62,11 @@ _BOX_FACES = np.array(
 
 @dataclass(frozen=True, eq=False)
 class ConvexShape:
-    """The convex hull of some points, grown by a radius.
+    """The convex hull of some points, grown by a radius."""
 
-    Attributes:
-        vertices: Shape (V, 3) [m].
-        radius: Growth [m], >= 0.
-        known_faces: `faces`, if known; None: computed on first use.
-    """
-
-    vertices: FloatArray
-    radius: float = 0.0
-    known_faces: IntArray | None = None
+    vertices: FloatArray  # shape (V, 3) [m]
+    radius: float = 0.0  # growth [m], >= 0
+    known_faces: IntArray | None = None  # `faces`, if known; None: computed on first use
 
     __repr__ = short_repr
 
@@ -205,17 +199,11 @@ def frame_along(z: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class BoundingBoxes:
-    """The boxes around S shapes, each in its body's frame.
+    """The boxes around S shapes, each in its body's frame."""
 
-    Attributes:
-        axes: Unit vectors as rows, shape (S, 3, 3).
-        center: Along the axes, shape (S, 3) [m].
-        half: Half lengths along the axes, shape (S, 3) [m].
-    """
-
-    axes: FloatArray
-    center: FloatArray
-    half: FloatArray
+    axes: FloatArray  # unit vectors as rows, shape (S, 3, 3)
+    center: FloatArray  # along the axes, shape (S, 3) [m]
+    half: FloatArray  # half lengths along the axes, shape (S, 3) [m]
 
     def distance(self, shape: IntArray, point: FloatArray) -> FloatArray:
         """Return the distances of points (M, 3) from boxes of shapes (M,), (M,) [m]; 0 inside."""

@@ -41,36 +41,24 @@ _PAIRS_AT_ONCE = 256  # as many as keep their vertices in the processor's cache
 
 @dataclass(frozen=True, eq=False)
 class ClosestPoints:
-    """The closest points of P pairs of shapes, in the base frame.
+    """The closest points of P pairs of shapes, in the base frame."""
 
-    Attributes:
-        distance: Lower bounds on the signed distances, exact nearly always, shape (P,) [m].
-        direction: Unit vectors from the first towards the second shape, shape (P, 3).
-        first: FCL's nearest points of the first shapes' cores, shape (P, 3) [m].
-        second: Likewise, of the second shapes' cores.
-    """
-
+    # lower bounds on the signed distances, exact nearly always, shape (P,) [m]
     distance: FloatArray
-    direction: FloatArray
-    first: FloatArray
-    second: FloatArray
+    direction: FloatArray  # unit vectors from the first towards the second shape, shape (P, 3)
+    first: FloatArray  # FCL's nearest points of the first shapes' cores, shape (P, 3) [m]
+    second: FloatArray  # likewise, of the second shapes' cores
 
 
 class _Penetration(NamedTuple):
-    """The overlap of two shapes' cores.
+    """The overlap of two shapes' cores."""
 
-    Attributes:
-        apart: Gap from the end of the first to the begin of the second along the direction [m].
-        direction: From the first towards the second: moved along it by its depth, the second
-            touches the first; unit vector, shape (3,).
-        first: The deepest point of the first core, shape (3,) [m].
-        second: The deepest point of the second core, shape (3,) [m].
-    """
-
-    apart: float
+    apart: float  # gap from the end of the first to the begin of the second along the direction [m]
+    # from the first towards the second: moved along it by its depth, the second touches the first;
+    # unit vector, shape (3,)
     direction: FloatArray
-    first: FloatArray
-    second: FloatArray
+    first: FloatArray  # the deepest point of the first core, shape (3,) [m]
+    second: FloatArray  # the deepest point of the second core, shape (3,) [m]
 
 
 class PlacedShapes:

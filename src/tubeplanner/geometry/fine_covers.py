@@ -86,19 +86,12 @@ Inside = Callable[[FloatArray], BoolArray]
 
 @dataclass(frozen=True, eq=False)
 class MeshPiece:
-    """A solid's surface inside a box.
+    """A solid's surface inside a box."""
 
-    Attributes:
-        triangles: Shape (T, 3, 3) [m].
-        low: Lower corner of the box, shape (3,) [m]; minus infinity where it is open.
-        high: Upper corner, likewise.
-        inside: Returns True for points (N, 3) inside the whole solid: bool, shape (N,).
-    """
-
-    triangles: FloatArray
-    low: FloatArray
-    high: FloatArray
-    inside: Inside
+    triangles: FloatArray  # shape (T, 3, 3) [m]
+    low: FloatArray  # lower corner of the box, shape (3,) [m]; minus infinity where it is open
+    high: FloatArray  # upper corner, likewise
+    inside: Inside  # returns True for points (N, 3) inside the whole solid: bool, shape (N,)
 
     @cached_property
     def hull(self) -> ConvexShape:
@@ -306,34 +299,21 @@ _FEW_SAMPLES, _MANY_SAMPLES = 12, 100
 
 @dataclass(frozen=True, eq=False)
 class Cover:
-    """Convex shapes that together contain a solid.
+    """Convex shapes that together contain a solid."""
 
-    Attributes:
-        shapes: In the solid's frame.
-        outer_error: The largest distance found from their surface to the solid's, where it matters
-            [m].
-    """
-
-    shapes: tuple[ConvexShape, ...]
+    shapes: tuple[ConvexShape, ...]  # in the solid's frame
+    # the largest distance found from their surface to the solid's, where it matters [m]
     outer_error: float
 
 
 class _Piece(NamedTuple):
-    """A piece on a heap: the piece with the largest distance from the surface comes first.
+    """A piece on a heap: the piece with the largest distance from the surface comes first."""
 
-    Attributes:
-        rank: Minus the distance from the surface, where that matters [m].
-        number: In the order in which pieces were cut.
-        piece: The piece.
-        probes: Probes near it, shape (N, 3) [m].
-        matters: Upper bound on the part of its distance that matters [m].
-    """
-
-    rank: float
-    number: int
-    piece: MeshPiece
-    probes: FloatArray | None
-    matters: float
+    rank: float  # minus the distance from the surface, where that matters [m]
+    number: int  # in the order in which pieces were cut
+    piece: MeshPiece  # the piece
+    probes: FloatArray | None  # probes near it, shape (N, 3) [m]
+    matters: float  # upper bound on the part of its distance that matters [m]
 
 
 def fine_cover(

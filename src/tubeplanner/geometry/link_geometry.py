@@ -28,19 +28,13 @@ MESH = "mesh"
 
 @dataclass(frozen=True, eq=False)
 class LinkElement:
-    """A <collision> or <visual> of a link.
+    """A <collision> or <visual> of a link."""
 
-    Attributes:
-        kind: "box", "sphere", "cylinder", "capsule" or "mesh".
-        sizes: Side lengths, radius, or radius and length [m]; of a mesh its scale along each axis.
-        placement: Pose in the link, shape (4, 4).
-        filename: Of the mesh, as in the URDF; empty for other kinds.
-    """
-
-    kind: str
+    kind: str  # "box", "sphere", "cylinder", "capsule" or "mesh"
+    # side lengths, radius, or radius and length [m]; of a mesh its scale along each axis
     sizes: tuple[float, ...]
-    placement: FloatArray
-    filename: str = ""
+    placement: FloatArray  # pose in the link, shape (4, 4)
+    filename: str = ""  # of the mesh, as in the URDF; empty for other kinds
 
 
 def link_elements(robot: RobotModel) -> dict[str, list[LinkElement]]:
@@ -72,17 +66,11 @@ def element_of(where: str, element: Element) -> LinkElement:
 
 @dataclass(frozen=True, eq=False)
 class LinkPart:
-    """A collision element of a link with its shapes.
+    """A collision element of a link with its shapes."""
 
-    Attributes:
-        element: In the frame of the link.
-        placement: Of the element in the frame of the link's body, shape (4, 4).
-        mesh: The mesh; None for other kinds.
-    """
-
-    element: LinkElement
-    placement: FloatArray
-    mesh: MeshFile | None
+    element: LinkElement  # in the frame of the link
+    placement: FloatArray  # of the element in the frame of the link's body, shape (4, 4)
+    mesh: MeshFile | None  # the mesh; None for other kinds
 
     @cached_property
     def _shape(self) -> ConvexShape:

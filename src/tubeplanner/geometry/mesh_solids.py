@@ -29,17 +29,12 @@ class MeshSolid:
     Triangles are a closed shell if as many run along each edge one way as the other; equal vertices
     are one. Only closed shells have an inside for certain. Of open meshes nobody knows it: where a
     pair is left out, surfaces alone decide; links are covered as `filled`, others as `plugged`.
-
-    Attributes:
-        vertices: Shape (V, 3) [m].
-        faces: Vertex indices: int, shape (F, 3); none for balls and capsules.
-        radius: Growth of the vertices if there are no faces [m].
-        shells: Rows of `faces` that are closed shells; empty: found by the edges.
     """
 
-    vertices: FloatArray
-    faces: IntArray
-    radius: float = 0.0
+    vertices: FloatArray  # shape (V, 3) [m]
+    faces: IntArray  # vertex indices: int, shape (F, 3); none for balls and capsules
+    radius: float = 0.0  # growth of the vertices if there are no faces [m]
+    # rows of `faces` that are closed shells; empty: found by the edges
     shells: tuple[slice, ...] = ()
 
     @classmethod
@@ -243,19 +238,12 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Sides:
-    """The sides of F triangles: first sides, second sides, third sides.
+    """The sides of F triangles: first sides, second sides, third sides."""
 
-    Attributes:
-        edge: Index of the edge on which each side lies, shape (3F,).
-        direction: 1 along the edge, -1 against it, shape (3F,).
-        ends: Vertices of the E edges, shape (E, 2).
-        surplus: Sides along each edge less sides against it, shape (E,).
-    """
-
-    edge: IntArray
-    direction: IntArray
-    ends: IntArray
-    surplus: IntArray
+    edge: IntArray  # index of the edge on which each side lies, shape (3F,)
+    direction: IntArray  # 1 along the edge, -1 against it, shape (3F,)
+    ends: IntArray  # vertices of the E edges, shape (E, 2)
+    surplus: IntArray  # sides along each edge less sides against it, shape (E,)
 
 
 def _sides(corners: IntArray) -> _Sides:

@@ -313,16 +313,11 @@ class MeshFile:
     """A mesh file that belongs to a link or an obstacle.
 
     Every member raises RobotError if the file is no readable mesh.
-
-    Attributes:
-        owner: The owner in messages.
-        path: STL, OBJ, DAE or another format that trimesh reads.
-        scale: A factor, or a factor per axis; None: 1.
     """
 
-    owner: str
-    path: Path
-    scale: float | Sequence[float] | None = None
+    owner: str  # the owner in messages
+    path: Path  # STL, OBJ, DAE or another format that trimesh reads
+    scale: float | Sequence[float] | None = None  # A factor, or a factor per axis; None: 1
 
     @cached_property
     def key(self) -> str | None:

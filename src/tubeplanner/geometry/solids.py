@@ -20,23 +20,15 @@ from tubeplanner.text import require_name
 
 @dataclass(frozen=True, eq=False)
 class SolidContents:
-    """The source of a solid. It pickles by content, without any file.
+    """The source of a solid. It pickles by content, without any file."""
 
-    Attributes:
-        kind: "box", "sphere", "cylinder", "capsule" or "mesh".
-        sizes: Side lengths, radius, or radius and length [m]; of a mesh its scale along each axis.
-        placement: Pose in the user's frame, shape (4, 4).
-        mesh_hash: Of the bytes of its mesh file; empty for other kinds.
-        path: The mesh file, which need not exist any more; None for other kinds.
-        open_edges: Number of edges at which the mesh is open or wound both ways.
-    """
-
-    kind: str
+    kind: str  # "box", "sphere", "cylinder", "capsule" or "mesh"
+    # side lengths, radius, or radius and length [m]; of a mesh its scale along each axis
     sizes: tuple[float, ...]
-    placement: FloatArray
-    mesh_hash: str = ""
-    path: Path | None = None
-    open_edges: int = 0
+    placement: FloatArray  # pose in the user's frame, shape (4, 4)
+    mesh_hash: str = ""  # of the bytes of its mesh file; empty for other kinds
+    path: Path | None = None  # the mesh file, which need not exist any more; None for other kinds
+    open_edges: int = 0  # number of edges at which the mesh is open or wound both ways
 
 
 def simple_contents(kind: str, sizes: Iterable[float], placement: FloatArray) -> SolidContents:

@@ -26,35 +26,24 @@ _SAMPLES, _MIN_PER_PIECE = 800, 4
 
 @dataclass(frozen=True, eq=False)
 class LimitUse:
-    """The used fraction of one limit.
+    """The used fraction of one limit."""
 
-    Attributes:
-        kind: Of the limit, as the certificate calls it: "effort", "tool_speed", "tube".
-        name: Of the limited part: a joint, "tool", or a point by number and link.
-        fraction: At N samples, shape (N,): 1 at the limit, 0 where nothing of it is used.
-        joint: Index of the joint; None: not a joint's limit.
-        point: Index among the points whose speed is limited; None: not a point's limit.
-    """
-
-    kind: str
-    name: str
-    fraction: FloatArray
-    joint: int | None = None
+    kind: str  # of the limit, as the certificate calls it: "effort", "tool_speed", "tube"
+    name: str  # of the limited part: a joint, "tool", or a point by number and link
+    fraction: FloatArray  # at N samples, shape (N,): 1 at the limit, 0 where nothing of it is used
+    joint: int | None = None  # index of the joint; None: not a joint's limit
+    # index among the points whose speed is limited; None: not a point's limit
     point: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class LimitUses:
-    """The used fractions of all limits along a trajectory.
+    """The used fractions of all limits along a trajectory."""
 
-    Attributes:
-        samples: The N samples; at a breakpoint two, which differ where a quantity jumps.
-        segment: The tube segment of each, shape (N,).
-        uses: Of each limit: of joints first, by joint, then of the tool, then of points.
-    """
-
+    # the N samples; at a breakpoint two, which differ where a quantity jumps
     samples: TrajectorySamples
-    segment: IntArray
+    segment: IntArray  # the tube segment of each, shape (N,)
+    # of each limit: of joints first, by joint, then of the tool, then of points
     uses: tuple[LimitUse, ...]
 
     def of(self, kind: str) -> list[LimitUse]:
@@ -203,21 +192,14 @@ class ClosestPairs:
     """The pair of solids with the least margin, at each of K times.
 
     Where every pair may be in contact, distance and margin are inf.
-
-    Attributes:
-        kind: "obstacles" or "self_collision".
-        time: Shape (K,) [s].
-        distance: Of the pair, shape (K,) [m]; negative where the solids overlap.
-        margin: Distance beyond the required one, shape (K,) [m].
-        names: A link, and the obstacle or the other link.
-        points: The closest points on both surfaces, in the base frame, shape (K, 2, 3) [m].
     """
 
-    kind: str
-    time: FloatArray
-    distance: FloatArray
-    margin: FloatArray
-    names: tuple[tuple[str, str], ...]
+    kind: str  # "obstacles" or "self_collision"
+    time: FloatArray  # shape (K,) [s]
+    distance: FloatArray  # of the pair, shape (K,) [m]; negative where the solids overlap
+    margin: FloatArray  # distance beyond the required one, shape (K,) [m]
+    names: tuple[tuple[str, str], ...]  # A link, and the obstacle or the other link
+    # the closest points on both surfaces, in the base frame, shape (K, 2, 3) [m]
     points: FloatArray
 
 
@@ -308,34 +290,21 @@ _OF_THE_SHAPE = (POSITION, TUBE, ROTATION)
 
 @dataclass(frozen=True)
 class Span:
-    """An interval of time in which one limit binds.
+    """An interval of time in which one limit binds."""
 
-    Attributes:
-        kind: Of the limit.
-        begin: [s].
-        end: [s].
-    """
-
-    kind: str
-    begin: float
-    end: float
+    kind: str  # of the limit
+    begin: float  # [s]
+    end: float  # [s]
 
 
 @dataclass(frozen=True, eq=False)
 class BindingRow:
-    """The binding limits of a joint, of the tool or of the links, at N samples.
+    """The binding limits of a joint, of the tool or of the links, at N samples."""
 
-    Attributes:
-        name: Of the joint, "tool" or "links".
-        time: Shape (N,) [s].
-        kinds: The kinds of its limits.
-        which: Index of the kind that binds, of several the most used; -1: none, shape (N,).
-    """
-
-    name: str
-    time: FloatArray
-    kinds: tuple[str, ...]
-    which: IntArray
+    name: str  # of the joint, "tool" or "links"
+    time: FloatArray  # shape (N,) [s]
+    kinds: tuple[str, ...]  # the kinds of its limits
+    which: IntArray  # index of the kind that binds, of several the most used; -1: none, shape (N,)
 
     @property
     def spans(self) -> list[Span]:

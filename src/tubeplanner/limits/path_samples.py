@@ -28,19 +28,12 @@ _EARLY = 0.1
 
 @dataclass(frozen=True, eq=False)
 class CoulombFriction:
-    """Coulomb friction of n joints at N samples, each (N, n) [N m or N].
+    """Coulomb friction of n joints at N samples, each (N, n) [N m or N]."""
 
-    Attributes:
-        most: Upper bound.
-        least: Lower bound.
-        most_by_rate: Derivative of `most` by the path's velocity dq/dx.
-        least_by_rate: Derivative of `least`, likewise.
-    """
-
-    most: FloatArray
-    least: FloatArray
-    most_by_rate: FloatArray
-    least_by_rate: FloatArray
+    most: FloatArray  # upper bound
+    least: FloatArray  # lower bound
+    most_by_rate: FloatArray  # derivative of `most` by the path's velocity dq/dx
+    least_by_rate: FloatArray  # derivative of `least`, likewise
 
     def side(self, sign: float) -> tuple[FloatArray, FloatArray]:
         """Return the upper (1) or lower (-1) bound and its derivative by dq/dx."""
@@ -101,17 +94,14 @@ class PathSamples:
     """A path q(x) at N samples, and the quantities that limits need of it, each computed once.
 
     Run in x per second, its derivatives by x are velocity, acceleration and jerk.
-
-    Attributes:
-        problem: The planning problem, its segments joined.
-        by_path: Positions and their derivatives by x, up to the second or third: (orders, N, n).
-        segments: Returns the tube segment of each sample, shape (N,); None: not known.
-        friction: Returns the Coulomb friction at the samples; None: by the signs of velocities.
     """
 
-    problem: PlanningProblem
+    problem: PlanningProblem  # the planning problem, its segments joined
+    # positions and their derivatives by x, up to the second or third: (orders, N, n)
     by_path: FloatArray
+    # returns the tube segment of each sample, shape (N,); None: not known
     segments: Callable[[], IntArray] | None = None
+    # returns the Coulomb friction at the samples; None: by the signs of velocities
     friction: Callable[[], CoulombFriction] | None = None
     _effort_derivatives: dict[float, tuple[FloatArray, FloatArray, FloatArray]] = field(
         default_factory=dict, repr=False
@@ -224,21 +214,13 @@ class PathSamples:
 
 @dataclass(frozen=True)
 class LimitKey:
-    """The identity of a limit.
+    """The identity of a limit."""
 
-    Attributes:
-        kind: Such as "effort", "velocity", "radius".
-        joint: Index of the limited joint; None: a segment's or the goal's.
-        segment: Index of the segment; None: a joint's or the goal's.
-        link: Name of the link with the limited point; None: none.
-        point: Index among the limited points.
-    """
-
-    kind: str
-    joint: int | None = None
-    segment: int | None = None
-    link: str | None = None
-    point: int | None = None
+    kind: str  # such as "effort", "velocity", "radius"
+    joint: int | None = None  # index of the limited joint; None: a segment's or the goal's
+    segment: int | None = None  # index of the segment; None: a joint's or the goal's
+    link: str | None = None  # name of the link with the limited point; None: none
+    point: int | None = None  # index among the limited points
 
 
 class SpeedLimit(Protocol):

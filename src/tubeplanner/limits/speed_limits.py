@@ -87,10 +87,6 @@ def unused_speed(problem: PlanningProblem, trajectory: JointTrajectory) -> float
     The limits, jerk included, would let the trajectory run b(t) times faster at that instant (Suh &
     Bishop 1988, property 2). Where b is 1, some limit is fully used; the fastest trajectory of a
     tube uses one nearly everywhere.
-
-    Args:
-        problem: The planning problem.
-        trajectory: Within its limits.
     """
     time = (np.arange(_MEAN_SAMPLES) + 0.5) * trajectory.duration / _MEAN_SAMPLES
     at = trajectory.at(time)

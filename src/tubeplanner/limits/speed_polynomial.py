@@ -49,15 +49,11 @@ _ROUNDING = 2e-15  # of the sum of the terms' magnitudes
 
 @dataclass(frozen=True, eq=False)
 class SpeedPolynomial:
-    """I quantities of N samples at any speed s: the sum of terms[k] s^k.
+    """I quantities of N samples at any speed s: the sum of terms[k] s^k."""
 
-    Attributes:
-        terms: By the power k, from 0 to 3, each (N, I).
-        allowed: The limits as fractions of nominal limits, (N, I), where they are less; terms[0]
-            contains their shortfall. None: the nominal limits.
-    """
-
-    terms: Mapping[int, FloatArray]
+    terms: Mapping[int, FloatArray]  # by the power k, from 0 to 3, each (N, I)
+    # the limits as fractions of nominal limits, (N, I), where they are less; terms[0] contains
+    # their shortfall. None: the nominal limits.
     allowed: FloatArray | None = None
 
     @property

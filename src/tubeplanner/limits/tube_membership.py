@@ -166,10 +166,6 @@ def may_pass_points(problem: PlanningProblem, trajectory: JointTrajectory) -> bo
     """Return True if a trajectory may pass every compulsory point, at any time.
 
     Judged at 65 samples per piece, nearer by the steps beside them: too lenient, never too strict.
-
-    Args:
-        problem: The planning problem.
-        trajectory: Of the problem's joints.
     """
     tube = problem.tube
     if len(tube.compulsory_points) == 0:

@@ -83,10 +83,6 @@ def library_path(level: str, folder: Path = FOLDER) -> Path:
 def build(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) -> list[Path]:
     """Compile the library for every level; return the files, none without a compiler.
 
-    Args:
-        folder: Folder of the libraries.
-        environment: As for `compiler`.
-
     Raises:
         RuntimeError: The compiler does not start, or failed; the message is the compiler's.
     """

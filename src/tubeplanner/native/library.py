@@ -17,15 +17,10 @@ from tubeplanner.native.build import LEVELS, library_path, source_key
 
 @dataclass(frozen=True)
 class NativeLibrary:
-    """The library or the reason for its absence.
+    """The library or the reason for its absence."""
 
-    Attributes:
-        functions: The library; None: it is left out.
-        build: Compiler and level of processors, or the reason for leaving it out.
-    """
-
-    functions: ctypes.CDLL | None
-    build: str
+    functions: ctypes.CDLL | None  # the library; None: it is left out
+    build: str  # compiler and level of processors, or the reason for leaving it out
 
     @classmethod
     def load(cls) -> "NativeLibrary":

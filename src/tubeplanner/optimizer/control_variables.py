@@ -199,21 +199,15 @@ _BESIDE, _NEAR = 2, 3
 
 
 class LegShape(NamedTuple):
-    """Numbers of a leg's variables.
+    """Numbers of a leg's variables."""
 
-    Attributes:
-        configurations: Number F of variable configurations.
-        joints: Number n of joints.
-        switches: Number S of switching times.
-        intervals: Of the phases beside each switching time, the number of knot intervals of the
-            longer one, shape (S,); None: every switching time counts everywhere.
-        behind: Number of configurations before each switching time, shape (S,); None likewise.
-    """
-
-    configurations: int
-    joints: int
-    switches: int
+    configurations: int  # number F of variable configurations
+    joints: int  # number n of joints
+    switches: int  # number S of switching times
+    # of the phases beside each switching time, the number of knot intervals of the longer one,
+    # shape (S,); None: every switching time counts everywhere
     intervals: IntArray | None = None
+    # number of configurations before each switching time, shape (S,); None likewise
     behind: IntArray | None = None
 
     @property

@@ -59,19 +59,12 @@ _NOTHING = Remembered(np.zeros(0, dtype=np.int64), ())
 
 @dataclass(frozen=True, eq=False)
 class DescentState:
-    """Iterates and state at the begin or the end of a descent.
+    """Iterates and state at the begin or the end of a descent."""
 
-    Attributes:
-        iterates: The trajectory of each leg.
-        trust: The next step's trust region.
-        penalty: Weight of the elastic constraints.
-        has_ended: Whether the descent converged before the largest number of steps.
-    """
-
-    iterates: tuple[Iterate, ...]
-    trust: TrustRegion
-    penalty: float = FIRST_PENALTY
-    has_ended: bool = False
+    iterates: tuple[Iterate, ...]  # the trajectory of each leg
+    trust: TrustRegion  # the next step's trust region
+    penalty: float = FIRST_PENALTY  # weight of the elastic constraints
+    has_ended: bool = False  # whether the descent converged before the largest number of steps
 
     @property
     def iterate(self) -> Iterate:

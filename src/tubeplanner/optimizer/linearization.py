@@ -32,15 +32,10 @@ _BINDING = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Slack:
-    """The slack of all rows and planes.
+    """The slack of all rows and planes."""
 
-    Attributes:
-        rows: Of all rows, shape (R,).
-        bends: Corrections of the vectors of every kind of regions, shape (N, 3).
-    """
-
-    rows: FloatArray
-    bends: list[FloatArray]
+    rows: FloatArray  # of all rows, shape (R,)
+    bends: list[FloatArray]  # corrections of the vectors of every kind of regions, shape (N, 3)
 
 
 class Linearization:
@@ -158,13 +153,7 @@ class Linearization:
         return Slack(rows.slack + slack[rows.index] - predicted, bends)
 
     def absorb_bent(self, step: Step, slack: Slack, elastic: float) -> bool:
-        """Add planes that a corrected step breaks; return True if there are some.
-
-        Args:
-            step: The corrected step.
-            slack: Its corrected slack.
-            elastic: Allowed distance outside, in radii.
-        """
+        """Add planes that a corrected step breaks; return True if there are some."""
         after = zip(self._after(step), slack.bends, strict=True)
         return self._add_planes([vector + bend for vector, bend in after], elastic)
 
@@ -216,15 +205,11 @@ class Linearization:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """R rows of a program, attributes as of `Rows`; planes have the index -1.
-
-    Attributes:
-        is_elastic: 1 for rows that may be violated, else 0, shape (R,).
-        slack: Returns their slack (R,) from `Slack.rows` and `Slack.bends`.
-    """
+    """R rows of a program, attributes as of `Rows`; planes have the index -1."""
 
     rows: SparseRows
-    is_elastic: FloatArray
+    is_elastic: FloatArray  # 1 for rows that may be violated, else 0, shape (R,)
     limit: IntArray
     index: IntArray
+    # returns their slack (R,) from `Slack.rows` and `Slack.bends`
     slack: Callable[[FloatArray, Sequence[FloatArray]], FloatArray]

@@ -328,31 +328,19 @@ class LinkConstraints:
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedLinks:
-    """Watched pairs of a spline, E of them, each at its own instant.
-
-    Attributes:
-        problem: The planning problem.
-        at: The spline at those instants.
-        pairs: Indices of the shapes, shape (E, 2).
-        distance: That steps aim at, shape (E,) [m].
-        change: Its derivatives by the joints, shape (E, n) [m/rad or 1].
-        strict: Added to the excess, shape (E,).
-        rotation: Of all bodies, shape (E, bodies, 3, 3).
-        position: Of all bodies, shape (E, bodies, 3) [m].
-        closest: The closest points of the pairs.
-    """
+    """Watched pairs of a spline, E of them, each at its own instant."""
 
     is_elastic: ClassVar[bool] = True
 
-    problem: PlanningProblem
-    at: SampledSpline
-    pairs: IntArray
-    distance: FloatArray
-    change: FloatArray
-    strict: FloatArray
-    rotation: FloatArray
-    position: FloatArray
-    closest: ClosestPoints
+    problem: PlanningProblem  # the planning problem
+    at: SampledSpline  # the spline at those instants
+    pairs: IntArray  # indices of the shapes, shape (E, 2)
+    distance: FloatArray  # that steps aim at, shape (E,) [m]
+    change: FloatArray  # its derivatives by the joints, shape (E, n) [m/rad or 1]
+    strict: FloatArray  # added to the excess, shape (E,)
+    rotation: FloatArray  # of all bodies, shape (E, bodies, 3, 3)
+    position: FloatArray  # of all bodies, shape (E, bodies, 3) [m]
+    closest: ClosestPoints  # the closest points of the pairs
 
     @cached_property
     def excess(self) -> FloatArray:

@@ -113,20 +113,14 @@ class IntervalMotion:
 
 @dataclass(frozen=True, eq=False)
 class MeasureModel:
-    """A multiple of a measure near a motion, as a function of R residuals in each knot interval.
+    """A multiple of a measure near a motion, as a function of R residuals in each knot interval."""
 
-    Attributes:
-        curvature: Its second derivatives by the residuals, >= 0, shape (M, R).
-        slope: Its first derivatives by the residuals, shape (M, R).
-        control: The residuals' derivatives by the control points of the interval and the next,
-            shape (M, R, 5 n).
-        switching: The residuals' derivatives by the switching times, shape (M, R, S).
-    """
-
-    curvature: FloatArray
-    slope: FloatArray
+    curvature: FloatArray  # its second derivatives by the residuals, >= 0, shape (M, R)
+    slope: FloatArray  # its first derivatives by the residuals, shape (M, R)
+    # the residuals' derivatives by the control points of the interval and the next, shape (M, R, 5
+    # n)
     control: FloatArray
-    switching: FloatArray
+    switching: FloatArray  # the residuals' derivatives by the switching times, shape (M, R, S)
 
     @staticmethod
     def of(

@@ -37,17 +37,11 @@ _IMAGINARY_STEP = 1e-30
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """N points on a spline at fixed fractions of their phases.
+    """N points on a spline at fixed fractions of their phases."""
 
-    Attributes:
-        phase: Shape (N,).
-        fraction: From 0 to 1 within the phase, shape (N,).
-        interval: Index of the knot interval over all phases, shape (N,).
-    """
-
-    phase: IntArray
-    fraction: FloatArray
-    interval: IntArray
+    phase: IntArray  # shape (N,)
+    fraction: FloatArray  # from 0 to 1 within the phase, shape (N,)
+    interval: IntArray  # index of the knot interval over all phases, shape (N,)
 
     @property
     def first(self) -> IntArray:
@@ -109,17 +103,12 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class KnotGrid:
-    """The knots of a spline over phases.
+    """The knots of a spline over phases."""
 
-    Attributes:
-        fractions: Per phase, the knots' fractions of it, from 0 to 1, both included.
-        runs: The tube's segments of every phase; one each if not given.
-        is_fixed: Whether switching times are fixed.
-    """
-
+    # per phase, the knots' fractions of it, from 0 to 1, both included
     fractions: tuple[FloatArray, ...]
-    runs: tuple[range, ...] = ()
-    is_fixed: bool = False
+    runs: tuple[range, ...] = ()  # the tube's segments of every phase; one each if not given
+    is_fixed: bool = False  # whether switching times are fixed
 
     def __post_init__(self) -> None:
         if not self.runs:
@@ -212,12 +201,9 @@ class VelocityHull:
     """The control points of a spline's derivative: the velocity stays in their hull for all x.
 
     (Piegl & Tiller, "The NURBS Book", 1997, equation 3.8.)
-
-    Attributes:
-        count: Number K of control points of the spline.
     """
 
-    count: int
+    count: int  # number K of control points of the spline
 
     @property
     def first(self) -> IntArray:
@@ -239,17 +225,11 @@ EvaluationPoints: TypeAlias = Samples | VelocityHull
 
 @dataclass(frozen=True, eq=False)
 class PhasedSpline:
-    """A spline over phases with its control points, without a duration.
+    """A spline over phases with its control points, without a duration."""
 
-    Attributes:
-        grid: The knots.
-        switching_times: Ends of the phases in time x, from 0 to 1, shape (m+1,).
-        control_points: Shape (K, n).
-    """
-
-    grid: KnotGrid
-    switching_times: FloatArray
-    control_points: FloatArray
+    grid: KnotGrid  # the knots
+    switching_times: FloatArray  # ends of the phases in time x, from 0 to 1, shape (m+1,)
+    control_points: FloatArray  # shape (K, n)
 
     def end_directions(self, samples: Samples, slow: FloatArray) -> FloatArray:
         """Return the signs of the velocities of joints near start and goal, (N, n); nan elsewhere.
@@ -285,18 +265,12 @@ class PhasedSpline:
 
 @dataclass(frozen=True, eq=False)
 class SampledSpline:
-    """A spline over phases at N points.
+    """A spline over phases at N points."""
 
-    Attributes:
-        spline: The spline.
-        evaluation_points: The N points.
-        basis: Weights of the four control points that count, shape (orders, N, 4).
-        by_x: Position and derivatives by x, as many as there are weights, shape (orders, N, n).
-    """
-
-    spline: PhasedSpline
-    evaluation_points: EvaluationPoints
-    basis: FloatArray
+    spline: PhasedSpline  # the spline
+    evaluation_points: EvaluationPoints  # the N points
+    basis: FloatArray  # weights of the four control points that count, shape (orders, N, 4)
+    # position and derivatives by x, as many as there are weights, shape (orders, N, n)
     by_x: FloatArray
 
     @property

@@ -38,17 +38,11 @@ _OUTSIDE = 0.002
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """P supporting planes of regions.
+    """P supporting planes of regions."""
 
-    Attributes:
-        sample: The sample in whose region, shape (P,).
-        normal: Unit vectors, outward, shape (P, 3).
-        segment: The segment whose region they contain beside the sample's own, shape (P,).
-    """
-
-    sample: IntArray
-    normal: FloatArray
-    segment: IntArray
+    sample: IntArray  # the sample in whose region, shape (P,)
+    normal: FloatArray  # unit vectors, outward, shape (P, 3)
+    segment: IntArray  # the segment whose region they contain beside the sample's own, shape (P,)
 
     def __len__(self) -> int:
         return len(self.sample)
@@ -70,28 +64,20 @@ class Planes:
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedRegions:
-    """The vectors at N samples of a spline, and the region of each.
+    """The vectors at N samples of a spline, and the region of each."""
 
-    Attributes:
-        at: The spline at the samples.
-        vector: Shape (N, 3) [m or rad].
-        derivative: Returns the vectors' derivatives by the joints, shape (N, 3, n).
-        regions: Of all segments.
-        segment: The samples' own, shape (N,).
-        margin: The fraction of the radii that stays unused, shape (N,).
-        numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
-        segments: Of samples in chains, whose segments follow from their vectors; None: all fixed.
-        is_crossed: Whether a step may cross the whole region: then all planes count as near.
-    """
-
-    at: SampledSpline
-    vector: FloatArray
+    at: SampledSpline  # the spline at the samples
+    vector: FloatArray  # shape (N, 3) [m or rad]
+    # returns the vectors' derivatives by the joints, shape (N, 3, n)
     derivative: Callable[[], FloatArray]
-    regions: SegmentRegions
-    segment: IntArray
-    margin: FloatArray
+    regions: SegmentRegions  # of all segments
+    segment: IntArray  # the samples' own, shape (N,)
+    margin: FloatArray  # the fraction of the radii that stays unused, shape (N,)
+    # of the regions' tolerances among the limits, by segment and kind, shape (m, kinds)
     numbers: IntArray
+    # of samples in chains, whose segments follow from their vectors; None: all fixed
     segments: OrderedSegments | None = None
+    # whether a step may cross the whole region: then all planes count as near
     is_crossed: bool = False
 
     @cached_property
@@ -221,25 +207,16 @@ _SIDES = np.vstack([np.eye(3), -np.eye(3)])
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedRotation:
-    """The tool's rotation at N samples of a spline, and the bounds on its three components.
-
-    Attributes:
-        tube: The rotational part of the tube.
-        at: The spline at the samples.
-        path: The arm there.
-        margin: The fraction of the tolerances that stays unused.
-        numbers: Of the tolerances among the limits, shape (m,).
-        segment: The samples' segments, shape (N,).
-    """
+    """The tool's rotation at N samples of a spline, and the bounds on its three components."""
 
     is_elastic: ClassVar[bool] = True
 
-    tube: RotationalTube
-    at: SampledSpline
-    path: PathSamples
-    margin: float
-    numbers: IntArray
-    segment: IntArray
+    tube: RotationalTube  # the rotational part of the tube
+    at: SampledSpline  # the spline at the samples
+    path: PathSamples  # the arm there
+    margin: float  # the fraction of the tolerances that stays unused
+    numbers: IntArray  # of the tolerances among the limits, shape (m,)
+    segment: IntArray  # the samples' segments, shape (N,)
 
     @property
     def excess(self) -> FloatArray:

@@ -42,38 +42,23 @@ MERIT_TOLERANCE: float = 0.8 * INNER_MARGIN
 
 @dataclass(frozen=True)
 class StepSize:
-    """The largest step.
+    """The largest step."""
 
-    Attributes:
-        control: Of control points [rad or m].
-        switching: Of the inner switching times, shape (m-1,).
-    """
-
-    control: float
-    switching: FloatArray
+    control: float  # of control points [rad or m]
+    switching: FloatArray  # of the inner switching times, shape (m-1,)
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """R linear constraints.
+    """R linear constraints."""
 
-    Attributes:
-        first: The first of the four control points that count, shape (R,).
-        control: Shape (R, 4, n).
-        switching: Shape (R, m-1).
-        duration: Shape (R,).
-        slack: Shape (R,).
-        limit: Number of the row's limit; -1 for none, shape (R,).
-        index: Number of the row among all rows of its constraints, shape (R,).
-    """
-
-    first: IntArray
-    control: FloatArray
-    switching: FloatArray
-    duration: FloatArray
-    slack: FloatArray
-    limit: IntArray
-    index: IntArray
+    first: IntArray  # the first of the four control points that count, shape (R,)
+    control: FloatArray  # shape (R, 4, n)
+    switching: FloatArray  # shape (R, m-1)
+    duration: FloatArray  # shape (R,)
+    slack: FloatArray  # shape (R,)
+    limit: IntArray  # number of the row's limit; -1 for none, shape (R,)
+    index: IntArray  # number of the row among all rows of its constraints, shape (R,)
 
     def __len__(self) -> int:
         return len(self.slack)
@@ -246,21 +231,14 @@ def _largest_change(control: FloatArray, switching: FloatArray, size: StepSize) 
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedSpeedLimit:
-    """A limit of I quantities at N samples of a spline; `EvaluatedRows`.
-
-    Attributes:
-        limit: The limit.
-        at: The spline at the samples.
-        path: The arm there.
-        numbers: Of the limit's keys among those of all limits.
-    """
+    """A limit of I quantities at N samples of a spline; `EvaluatedRows`."""
 
     is_elastic: ClassVar[bool] = False
 
-    limit: SpeedLimit
-    at: SampledSpline
-    path: PathSamples
-    numbers: IntArray
+    limit: SpeedLimit  # the limit
+    at: SampledSpline  # the spline at the samples
+    path: PathSamples  # the arm there
+    numbers: IntArray  # of the limit's keys among those of all limits
     # By duration: after a step that was rejected, the same rows are requested again.
     _changes: dict[float, Mapping[int, FloatArray]] = field(default_factory=dict, repr=False)
 

@@ -72,33 +72,24 @@ EvaluatedRows: TypeAlias = EvaluatedSpeedLimit | EvaluatedRotation | EvaluatedLi
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A spline, its duration, and its constraints at samples.
+    """A spline, its duration, and its constraints at samples."""
 
-    Attributes:
-        spline: Control points and switching times.
-        squared_duration: The least T^2 that the limits allow at the samples [s^2].
-        duration: T in which it is run [s].
-        excess: Largest violation by tool or links, >= 0: of the tool in radii or rotation
-            tolerances beyond the narrowed tube, of links in units of 5 cm.
-        limits: The limits on its speed.
-        regions: The regions of the tool's position, and of its rotation angle where bounded.
-        rotations: The bounds on the components of the tool's rotation, where there are some.
-        links: The watched pairs of links.
-        watched: The spline and the arm at two samples per knot interval, at the end of every phase,
-            and at added samples.
-        rates: The spline and the arm at the beginning of every knot interval and the end of every
-            phase.
-    """
-
-    spline: PhasedSpline
-    squared_duration: float
-    duration: float
+    spline: PhasedSpline  # control points and switching times
+    squared_duration: float  # the least T^2 that the limits allow at the samples [s^2]
+    duration: float  # T in which it is run [s]
+    # largest violation by tool or links, >= 0: of the tool in radii or rotation tolerances beyond
+    # the narrowed tube, of links in units of 5 cm
     excess: float
-    limits: tuple[EvaluatedSpeedLimit, ...]
+    limits: tuple[EvaluatedSpeedLimit, ...]  # the limits on its speed
+    # the regions of the tool's position, and of its rotation angle where bounded
     regions: tuple[EvaluatedRegions, ...]
+    # the bounds on the components of the tool's rotation, where there are some
     rotations: tuple[EvaluatedRotation, ...]
-    links: EvaluatedLinks
+    links: EvaluatedLinks  # the watched pairs of links
+    # the spline and the arm at two samples per knot interval, at the end of every phase, and at
+    # added samples
     watched: tuple[SampledSpline, PathSamples]
+    # the spline and the arm at the beginning of every knot interval and the end of every phase
     rates: tuple[SampledSpline, PathSamples]
 
     @property

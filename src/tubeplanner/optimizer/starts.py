@@ -160,17 +160,11 @@ def _fitted(
 
 @dataclass(frozen=True, eq=False)
 class RefinedMotion:
-    """The result of a refinement.
+    """The result of a refinement."""
 
-    Attributes:
-        problem: The planning problem, or a smoother one inside its tube.
-        is_smoother: Whether `problem` is the smoother one.
-        spline: The motion, without its duration.
-    """
-
-    problem: PlanningProblem
-    is_smoother: bool
-    spline: PhasedSpline
+    problem: PlanningProblem  # the planning problem, or a smoother one inside its tube
+    is_smoother: bool  # whether `problem` is the smoother one
+    spline: PhasedSpline  # the motion, without its duration
 
     def suited(self, changed: PlanningProblem) -> PlanningProblem | None:
         """Return the changed problem (or its smoother variant) if the motion suits the problem.
@@ -189,9 +183,6 @@ class RefinedMotion:
 
         At switching times the tool is shifted by as much as the reference points; between them,
         joints are shifted by a smooth blend.
-
-        Args:
-            changed: From `suited`.
 
         Raises:
             Infeasible: Status unreachable: the arm does not reach a point from the old one.

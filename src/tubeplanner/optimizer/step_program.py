@@ -39,19 +39,12 @@ _read: Any = native_function("step_program_read", c_void_p, Doubles, Doubles, re
 
 @dataclass(frozen=True, eq=False)
 class SymmetricEntries:
-    """A symmetric matrix by entries on both sides of its diagonal; equal places are summed.
+    """A symmetric matrix by entries on both sides of its diagonal; equal places are summed."""
 
-    Attributes:
-        row: Shape (E,).
-        column: Shape (E,).
-        value: Shape (E,).
-        size: Number of rows and columns.
-    """
-
-    row: IntArray
-    column: IntArray
-    value: FloatArray
-    size: int
+    row: IntArray  # shape (E,)
+    column: IntArray  # shape (E,)
+    value: FloatArray  # shape (E,)
+    size: int  # number of rows and columns
 
     def times(self, factor: float) -> "SymmetricEntries":
         """Return a multiple of the matrix."""
@@ -93,17 +86,11 @@ def merged_entries(row: IntArray, column: IntArray, size: int) -> tuple[IntArray
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """Cost of a step without the elastic variable.
+    """Cost of a step without the elastic variable."""
 
-    Attributes:
-        hessian: Shape (V, V).
-        gradient: Over configurations and switching times, shape (V-2,).
-        duration: Cost of eta.
-    """
-
-    hessian: SymmetricEntries
-    gradient: FloatArray
-    duration: float = 1.0
+    hessian: SymmetricEntries  # shape (V, V)
+    gradient: FloatArray  # over configurations and switching times, shape (V-2,)
+    duration: float = 1.0  # cost of eta
 
     def times(self, factor: float) -> "Quadratic":
         """Return a multiple of its curvature and gradient."""
@@ -116,57 +103,35 @@ class Quadratic:
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Bounds on a step.
+    """Bounds on a step."""
 
-    Attributes:
-        lower: Of the configurations, shape (F, n).
-        upper: Of the configurations, shape (F, n).
-        switching: Largest steps of the switching times, shape (m-1,).
-        widths: Largest changes of the widths of phases, shape (m,).
-        duration: Smallest and largest eta.
-        fixed_directions: Directions in which the last variable must not move, shape (r, n).
-    """
-
-    lower: FloatArray
-    upper: FloatArray
-    switching: FloatArray
-    widths: FloatArray
-    duration: tuple[float, float]
+    lower: FloatArray  # of the configurations, shape (F, n)
+    upper: FloatArray  # of the configurations, shape (F, n)
+    switching: FloatArray  # largest steps of the switching times, shape (m-1,)
+    widths: FloatArray  # largest changes of the widths of phases, shape (m,)
+    duration: tuple[float, float]  # smallest and largest eta
+    # directions in which the last variable must not move, shape (r, n)
     fixed_directions: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The solution of a program for one leg.
+    """The solution of a program for one leg."""
 
-    Attributes:
-        control: Of the configurations, shape (F, n).
-        switching: Of the switching times, shape (m-1,).
-        duration: eta.
-        elastic: Largest violation of elastic rows.
-        multipliers: Of the rows, shape (R,).
-    """
-
-    control: FloatArray
-    switching: FloatArray
-    duration: float
-    elastic: float
-    multipliers: FloatArray
+    control: FloatArray  # of the configurations, shape (F, n)
+    switching: FloatArray  # of the switching times, shape (m-1,)
+    duration: float  # eta
+    elastic: float  # largest violation of elastic rows
+    multipliers: FloatArray  # of the rows, shape (R,)
 
 
 @dataclass(frozen=True, eq=False)
 class SparseRows:
-    """R compressed rows over the variables.
+    """R compressed rows over the variables."""
 
-    Attributes:
-        data: Entries, row after row, shape (entries,).
-        column: Their columns, shape (entries,).
-        count: Number of entries of each row, shape (R,).
-    """
-
-    data: FloatArray
-    column: IntArray
-    count: IntArray
+    data: FloatArray  # entries, row after row, shape (entries,)
+    column: IntArray  # their columns, shape (entries,)
+    count: IntArray  # number of entries of each row, shape (R,)
 
 
 _NO_ROWS = SparseRows(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
@@ -181,21 +146,13 @@ def stacked_rows(parts: Sequence[SparseRows]) -> SparseRows:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """One leg in a program, over z (configurations and switching times), eta, elastic.
+    """One leg in a program, over z (configurations and switching times), eta, elastic."""
 
-    Attributes:
-        rows: The constraints, R rows in all, from `sparse_rows`.
-        slack: Of the rows, shape (R,).
-        bounds: Of the step.
-        quadratic: Cost of the step.
-        penalty: Weight of the elastic variable.
-    """
-
-    rows: Sequence[SparseRows]
-    slack: FloatArray
-    bounds: Bounds
-    quadratic: Quadratic
-    penalty: float
+    rows: Sequence[SparseRows]  # the constraints, R rows in all, from `sparse_rows`
+    slack: FloatArray  # of the rows, shape (R,)
+    bounds: Bounds  # of the step
+    quadratic: Quadratic  # cost of the step
+    penalty: float  # weight of the elastic variable
 
     @property
     def linear(self) -> FloatArray:
@@ -279,15 +236,10 @@ def sparse_rows(rows: Rows, is_elastic: FloatArray, column: IntArray, free: int)
 
 @dataclass(frozen=True, eq=False)
 class JointBlocks:
-    """The blocks of all legs over the program's variables.
+    """The blocks of all legs over the program's variables."""
 
-    Attributes:
-        blocks: One of each leg.
-        columns: The program's variables that are each leg's, shape (V,).
-    """
-
-    blocks: Sequence[Block]
-    columns: Sequence[IntArray]
+    blocks: Sequence[Block]  # one of each leg
+    columns: Sequence[IntArray]  # the program's variables that are each leg's, shape (V,)
 
     @cached_property
     def size(self) -> int:

@@ -37,21 +37,13 @@ _MAX_RELAXED = 2
 
 @dataclass(frozen=True)
 class Outcome:
-    """Predicted and actual gain of a step, as fractions of T^2, and its size.
+    """Predicted and actual gain of a step, as fractions of T^2, and its size."""
 
-    Attributes:
-        predicted: Gain that the linearization predicts.
-        linear: Gain of the linear program's step.
-        gain: Gain of the step after its correction.
-        size: The radius of the smallest trust region, in units, that contains the step.
-        squared_rates: As in `StepCost.squared_rates`.
-    """
-
-    predicted: float
-    linear: float
-    gain: float
-    size: float
-    squared_rates: float
+    predicted: float  # gain that the linearization predicts
+    linear: float  # gain of the linear program's step
+    gain: float  # gain of the step after its correction
+    size: float  # the radius of the smallest trust region, in units, that contains the step
+    squared_rates: float  # as in `StepCost.squared_rates`
 
     @property
     def ratio(self) -> float:
@@ -61,19 +53,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class TrustRegion:
-    """Radius and damping of the next step.
+    """Radius and damping of the next step."""
 
-    Attributes:
-        radius: Largest change of a control point, in units.
-        damping: Weight of half the step's squared rates in its cost.
-        unit: Of the radius [rad or m]: see `motion_unit`.
-        times_relaxed: How often damping was relaxed.
-    """
-
-    radius: float
-    damping: float = _MIN_DAMPING
-    unit: float = 1.0
-    times_relaxed: int = 0
+    radius: float  # largest change of a control point, in units
+    damping: float = _MIN_DAMPING  # weight of half the step's squared rates in its cost
+    unit: float = 1.0  # of the radius [rad or m]: see `motion_unit`
+    times_relaxed: int = 0  # how often damping was relaxed
 
     @property
     def largest_change(self) -> float:

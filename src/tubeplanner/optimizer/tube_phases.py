@@ -135,21 +135,14 @@ _MIN_FRACTION = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class OrderedSegments:
-    """The segments of N samples of a spline, as a function of the tool's positions.
+    """The segments of N samples of a spline, as a function of the tool's positions."""
 
-    Attributes:
-        points: Reference points, shape (m+1, 3) [m].
-        radius: Of the segments, shape (m,) [m].
-        runs: The segments of every phase.
-        samples: The samples, in any order.
-        is_requested: Whether a segment gets a sample wherever the tool is, shape (m,): the segments
-            that it missed at denser samples. None: no segment.
-    """
-
-    points: FloatArray
-    radius: FloatArray
-    runs: tuple[range, ...]
-    samples: Samples
+    points: FloatArray  # reference points, shape (m+1, 3) [m]
+    radius: FloatArray  # of the segments, shape (m,) [m]
+    runs: tuple[range, ...]  # the segments of every phase
+    samples: Samples  # the samples, in any order
+    # whether a segment gets a sample wherever the tool is, shape (m,): the segments that it missed
+    # at denser samples. None: no segment.
     is_requested: BoolArray | None = None
 
     @cached_property
@@ -215,19 +208,12 @@ def ordered_choice(cost: FloatArray) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class _Passage:
-    """The tool's passage through a chain of m segments.
+    """The tool's passage through a chain of m segments."""
 
-    Attributes:
-        tool: Tool positions at N samples, in the order of time, shape (N, 3) [m].
-        points: The chain's reference points, shape (m+1, 3) [m].
-        radius: Of its segments, shape (m,) [m].
-        is_requested: Whether a segment gets a sample in any case, shape (m,).
-    """
-
-    tool: FloatArray
-    points: FloatArray
-    radius: FloatArray
-    is_requested: BoolArray
+    tool: FloatArray  # tool positions at N samples, in the order of time, shape (N, 3) [m]
+    points: FloatArray  # the chain's reference points, shape (m+1, 3) [m]
+    radius: FloatArray  # of its segments, shape (m,) [m]
+    is_requested: BoolArray  # whether a segment gets a sample in any case, shape (m,)
 
     def missed(self) -> BoolArray:
         """Return True for segments with no sample inside, shape (m,)."""

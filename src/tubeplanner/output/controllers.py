@@ -33,46 +33,27 @@ class Effect(StrEnum):
 
 @dataclass(frozen=True)
 class ControllerFinding:
-    """A finding of a controller; fields that do not apply are None.
+    """A finding of a controller; fields that do not apply are None."""
 
-    Attributes:
-        effect: Consequence of the finding.
-        error: In the controller's words: the name of its error, or its action.
-        message: One sentence.
-        joint: Joint of the value.
-        value: Of the joint or of the tool.
-        limit: Limit of the value.
-        unit: Of value and limit.
-        time: Of the value [s].
-        first_time: First time beyond the limit [s]; a refused motion ends there.
-    """
-
-    effect: Effect
-    error: str
-    message: str
-    joint: str | None = None
-    value: float | None = None
-    limit: float | None = None
-    unit: str | None = None
-    time: float | None = None
-    first_time: float | None = None
+    effect: Effect  # consequence of the finding
+    error: str  # in the controller's words: the name of its error, or its action
+    message: str  # one sentence
+    joint: str | None = None  # joint of the value
+    value: float | None = None  # of the joint or of the tool
+    limit: float | None = None  # limit of the value
+    unit: str | None = None  # of value and limit
+    time: float | None = None  # of the value [s]
+    first_time: float | None = None  # first time beyond the limit [s]; a refused motion ends there
 
 
 @dataclass(frozen=True)
 class ControllerVerdict:
-    """Findings of a controller on a trajectory.
+    """Findings of a controller on a trajectory."""
 
-    Attributes:
-        name: Of the controller: one of `CONTROLLERS`.
-        title: Description of the controller.
-        refuses: Its action on a bad motion: "abort" or "refuse".
-        findings: In the order of their effects.
-    """
-
-    name: str
-    title: str
-    refuses: str
-    findings: tuple[ControllerFinding, ...]
+    name: str  # of the controller: one of `CONTROLLERS`
+    title: str  # description of the controller
+    refuses: str  # its action on a bad motion: "abort" or "refuse"
+    findings: tuple[ControllerFinding, ...]  # in the order of their effects
 
     @property
     def accepted(self) -> bool:
@@ -137,22 +118,16 @@ _LAWS, _LAW_KEYS = "velocity_by_position", ("deceleration", "offset", "lower", "
 
 @dataclass(frozen=True, eq=False)
 class FrankaLimits:
-    """Limits of an arm of seven joints, in chain order.
+    """Limits of an arm of seven joints, in chain order."""
 
-    Attributes:
-        name: Of the arm.
-        position: Lower and upper, shape (2, 7) [rad].
-        most: By quantity, of `QUANTITIES` and in its unit, shape (7,).
-        tool_rates: Limits on translation of Cartesian commands: velocity, acceleration and jerk
-            [m/s, m/s^2, m/s^3].
-        velocity_laws: Velocity limits by position: deceleration [rad/s^2], offset [rad/s], lower
-            and upper position [rad], shape (4, 7); None: constant limits.
-    """
-
-    name: str
-    position: FloatArray
-    most: Mapping[str, FloatArray]
+    name: str  # of the arm
+    position: FloatArray  # lower and upper, shape (2, 7) [rad]
+    most: Mapping[str, FloatArray]  # by quantity, of `QUANTITIES` and in its unit, shape (7,)
+    # limits on translation of Cartesian commands: velocity, acceleration and jerk [m/s, m/s^2,
+    # m/s^3]
     tool_rates: tuple[float, float, float]
+    # velocity limits by position: deceleration [rad/s^2], offset [rad/s], lower and upper position
+    # [rad], shape (4, 7); None: constant limits
     velocity_laws: FloatArray | None = None
 
     def velocity_bounds(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -68,37 +68,25 @@ def limited_sections(motion: Motion) -> tuple[LimitedSection, ...]:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryCurves:
-    """Curves of a trajectory at N samples, on both sides of every breakpoint.
+    """Curves of a trajectory at N samples, on both sides of every breakpoint."""
 
-    Attributes:
-        problem: The planning problem.
-        samples: Times, positions, velocities, accelerations.
-        jerk: Shape (N, n) [rad/s^3 or m/s^3].
-        effort: Shape (N, n) [N m or N].
-        fractions: Of the limits on joints' quantities, each by its kind, shape (N, n); nan where a
-            joint has no limit.
-        tool: Shape (N, 3) [m].
-        speed: Of the tool, shape (N,) [m/s].
-        speed_limit: Limit of the segment, shape (N,) [m/s]; inf without a limit.
-        points: Speeds of the points with a limit, as fractions of their limits, shape (N, P).
-        segment: The tube segment of each sample, shape (N,).
-        tube_use: The tool's distance from the segment as a fraction of its radius, or of the
-            nearest half side of its box, shape (N,).
-        rotation_use: Rotation error as a fraction of the rotation tolerance, shape (N,); None
-            without a tolerance.
-    """
-
-    problem: PlanningProblem
-    samples: TrajectorySamples
-    jerk: FloatArray
-    effort: FloatArray
+    problem: PlanningProblem  # the planning problem
+    samples: TrajectorySamples  # times, positions, velocities, accelerations
+    jerk: FloatArray  # shape (N, n) [rad/s^3 or m/s^3]
+    effort: FloatArray  # shape (N, n) [N m or N]
+    # of the limits on joints' quantities, each by its kind, shape (N, n); nan where a joint has no
+    # limit
     fractions: Mapping[str, FloatArray]
-    tool: FloatArray
-    speed: FloatArray
-    speed_limit: FloatArray
+    tool: FloatArray  # shape (N, 3) [m]
+    speed: FloatArray  # of the tool, shape (N,) [m/s]
+    speed_limit: FloatArray  # limit of the segment, shape (N,) [m/s]; inf without a limit
+    # speeds of the points with a limit, as fractions of their limits, shape (N, P)
     points: FloatArray
-    segment: IntArray
+    segment: IntArray  # the tube segment of each sample, shape (N,)
+    # the tool's distance from the segment as a fraction of its radius, or of the nearest half side
+    # of its box, shape (N,)
     tube_use: FloatArray
+    # rotation error as a fraction of the rotation tolerance, shape (N,); None without a tolerance
     rotation_use: FloatArray | None
 
     @property
@@ -186,21 +174,15 @@ def size_of(tube: Tube, k: int) -> str:
 
 @dataclass(frozen=True)
 class BindingStrip:
-    """Binding limits over time.
+    """Binding limits over time."""
 
-    Attributes:
-        rows: Spans of binding limits, by the names of joints, "tool" and "links".
-        fractions: By kind of limit, the fraction of the time in which it binds anywhere; if > 0.
-        speed_fraction: Fraction of the time in which any limit on the speed binds.
-        duration: Of all motions [s].
-        joint_count: Number of rows of joints; they come first.
-    """
-
+    # spans of binding limits, by the names of joints, "tool" and "links"
     rows: Mapping[str, Sequence[Span]]
+    # by kind of limit, the fraction of the time in which it binds anywhere; if > 0
     fractions: Mapping[str, float]
-    speed_fraction: float
-    duration: float
-    joint_count: int
+    speed_fraction: float  # fraction of the time in which any limit on the speed binds
+    duration: float  # of all motions [s]
+    joint_count: int  # number of rows of joints; they come first
 
 
 def binding_strip(sections: Sequence[LimitedSection], duration: float) -> BindingStrip:
@@ -311,36 +293,22 @@ _EDGE = 0.1
 
 @dataclass(frozen=True)
 class Band:
-    """A move on a time line.
+    """A move on a time line."""
 
-    Attributes:
-        name: Of the move.
-        begin: [s].
-        end: [s].
-        color: Of its tube.
-        tube: Name of its surface.
-    """
-
-    name: str
-    begin: float
-    end: float
-    color: str
-    tube: str
+    name: str  # of the move
+    begin: float  # [s]
+    end: float  # [s]
+    color: str  # of its tube
+    tube: str  # name of its surface
 
 
 @dataclass(frozen=True)
 class Stop:
-    """A rest on a time line.
+    """A rest on a time line."""
 
-    Attributes:
-        begin: [s].
-        end: [s]; equal to begin if no step takes time.
-        ticks: Begin [s] and text of each step.
-    """
-
-    begin: float
-    end: float
-    ticks: tuple[tuple[float, str], ...]
+    begin: float  # [s]
+    end: float  # [s]; equal to begin if no step takes time
+    ticks: tuple[tuple[float, str], ...]  # begin [s] and text of each step
 
     @property
     def text(self) -> str:
@@ -350,15 +318,10 @@ class Stop:
 
 @dataclass(frozen=True)
 class Timeline:
-    """Moves and rests over time.
+    """Moves and rests over time."""
 
-    Attributes:
-        bands: Moves.
-        stops: Rests with steps.
-    """
-
-    bands: tuple[Band, ...]
-    stops: tuple[Stop, ...]
+    bands: tuple[Band, ...]  # moves
+    stops: tuple[Stop, ...]  # rests with steps
 
     def as_dict(self, duration: float) -> dict[str, Any]:
         """Return the time line as JSON values, with the space for the text of each rest.

@@ -18,17 +18,11 @@ from tubeplanner.task.endpoints import Endpoint
 
 
 class BindingStyle(NamedTuple):
-    """Look of a span of time in which a kind of limit binds.
+    """Look of a span of time in which a kind of limit binds."""
 
-    Attributes:
-        color: Of the bar.
-        hatch: Pattern of the bar, for grey print.
-        text: Colour of text on the bar.
-    """
-
-    color: str
-    hatch: str
-    text: str
+    color: str  # of the bar
+    hatch: str  # pattern of the bar, for grey print
+    text: str  # colour of text on the bar
 
 
 # Okabe & Ito's palette, told apart by colour-blind readers and in print; more lines repeat.
@@ -100,15 +94,10 @@ _CAP_RINGS, _STRAIGHT_RINGS = 13, 24
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Triangles.
+    """Triangles."""
 
-    Attributes:
-        vertices: Shape (V, 3) [m].
-        faces: Vertex indices, outward, shape (F, 3).
-    """
-
-    vertices: FloatArray
-    faces: IntArray
+    vertices: FloatArray  # shape (V, 3) [m]
+    faces: IntArray  # vertex indices, outward, shape (F, 3)
 
     def moved(self, placement: FloatArray) -> "Surface":
         """Return the surface moved by a homogeneous transform, shape (4, 4)."""

@@ -17,34 +17,22 @@ _DISTANCES = 200  # instants at which obstacle distances are measured
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """A quantity of the plan and of R runs, at K instants.
+    """A quantity of the plan and of R runs, at K instants."""
 
-    Attributes:
-        time: Shape (K,) [s].
-        plan: Shape (K,).
-        runs: Shape (R, K).
-    """
-
-    time: FloatArray
-    plan: FloatArray
-    runs: FloatArray
+    time: FloatArray  # shape (K,) [s]
+    plan: FloatArray  # shape (K,)
+    runs: FloatArray  # shape (R, K)
 
 
 @dataclass(frozen=True, eq=False)
 class ToolRuns:
-    """Positions of the tool in R runs, at K instants.
+    """Positions of the tool in R runs, at K instants."""
 
-    Attributes:
-        plan: Planned position, shape (K, 3) [m].
-        runs: Executed positions, shape (R, K, 3) [m].
-        tube: Margin inside the tube [m].
-        rotation: Margin inside the rotation tolerance [rad], NaN where rotation is free; None if
-            it is free throughout.
-    """
-
-    plan: FloatArray
-    runs: FloatArray
-    tube: Band
+    plan: FloatArray  # planned position, shape (K, 3) [m]
+    runs: FloatArray  # executed positions, shape (R, K, 3) [m]
+    tube: Band  # margin inside the tube [m]
+    # margin inside the rotation tolerance [rad], NaN where rotation is free; None if it is free
+    # throughout
     rotation: Band | None
 
     @property
@@ -117,19 +105,12 @@ BESIDE_EXECUTED = 0.3  # of its usual thickness: the planned path among executed
 
 @dataclass(frozen=True, eq=False)
 class ExecutedPaths:
-    """The paths of some runs.
+    """The paths of some runs."""
 
-    Attributes:
-        inside: Lines entirely in the tube, shape (A, 2, 3) [m].
-        outside: The others, shape (B, 2, 3) [m].
-        shown: Number of runs that are drawn.
-        total: Number of runs.
-    """
-
-    inside: FloatArray
-    outside: FloatArray
-    shown: int
-    total: int
+    inside: FloatArray  # lines entirely in the tube, shape (A, 2, 3) [m]
+    outside: FloatArray  # the others, shape (B, 2, 3) [m]
+    shown: int  # number of runs that are drawn
+    total: int  # number of runs
 
 
 def executed_paths(tools: ToolRuns, steps: int) -> ExecutedPaths:

@@ -145,20 +145,12 @@ _PLAIN: Color = (0.72, 0.74, 0.77)
 
 @dataclass(frozen=True, eq=False)
 class LinkPart:
-    """The part of a link in one colour.
+    """The part of a link in one colour."""
 
-    Attributes:
-        link: Name of the link.
-        body: The body that carries the link.
-        color: Red, green, blue from 0 to 1.
-        surface: In the frame of the body.
-        surface: In the frame of the body.
-    """
-
-    link: str
-    body: int
-    color: Color
-    surface: Surface
+    link: str  # name of the link
+    body: int  # the body that carries the link
+    color: Color  # red, green, blue from 0 to 1
+    surface: Surface  # in the frame of the body
 
 
 def link_parts(robot: RobotModel, max_faces: int) -> tuple[list[LinkPart], list[str]]:

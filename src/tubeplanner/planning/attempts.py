@@ -165,17 +165,12 @@ def _diagnosis(state: _Planning) -> PlanResult | None:
 
 @dataclass(frozen=True)
 class Attempt:
-    """An attempt.
+    """An attempt."""
 
-    Attributes:
-        run: Returns the result that ends planning, None for the next attempt; Infeasible is a
-            result too.
-        methods: The methods that make it.
-        applies: Whether it is made, besides the method.
-    """
-
+    # returns the result that ends planning, None for the next attempt; Infeasible is a result too
     run: Callable[[_Planning], PlanResult | None]
-    methods: tuple[str, ...]
+    methods: tuple[str, ...]  # the methods that make it
+    # whether it is made, besides the method
     applies: Callable[[_Planning], bool] = lambda state: True
 
 

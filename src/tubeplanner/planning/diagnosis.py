@@ -45,15 +45,10 @@ from tubeplanner.task.required_distances import RequiredDistances
 
 @dataclass(frozen=True, eq=False)
 class ReachBound:
-    """A ball that the tool cannot leave, wherever joints are within their limits.
+    """A ball that the tool cannot leave, wherever joints are within their limits."""
 
-    Attributes:
-        center: The first joint's origin, shape (3,), base frame [m].
-        radius: [m]; infinite where a sliding joint has no limits.
-    """
-
-    center: FloatArray
-    radius: float
+    center: FloatArray  # the first joint's origin, shape (3,), base frame [m]
+    radius: float  # [m]; infinite where a sliding joint has no limits
 
     def beyond(self, points: FloatArray) -> FloatArray:
         """Return the distances of points (N, 3) outside the ball, negative inside, (N,) [m]."""
@@ -218,25 +213,15 @@ _RADIUS_FRACTION = 0.5
 
 @dataclass(frozen=True, eq=False)
 class BlockingSample:
-    """A sample of the tool's path, in one or two segments of the tube, or the open goal.
+    """A sample of the tool's path, in one or two segments of the tube, or the open goal."""
 
-    Attributes:
-        name: Name in messages.
-        segments: The segments.
-        tool: The tool's position, shape (3,) [m].
-        allowed: Largest distance of the tool from that position [m].
-        location: The position, for messages.
-        rotation_rows: The rows of the rotation tolerance that hold here.
-        is_goal: True for the open goal.
-    """
-
-    name: str
-    segments: tuple[int, ...]
-    tool: FloatArray
-    allowed: float
-    location: Location
-    rotation_rows: tuple[int, ...]
-    is_goal: bool = False
+    name: str  # name in messages
+    segments: tuple[int, ...]  # the segments
+    tool: FloatArray  # the tool's position, shape (3,) [m]
+    allowed: float  # largest distance of the tool from that position [m]
+    location: Location  # the position, for messages
+    rotation_rows: tuple[int, ...]  # the rows of the rotation tolerance that hold here
+    is_goal: bool = False  # True for the open goal
 
 
 def path_samples(

@@ -14,21 +14,17 @@ METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS, SUH_BISHOP)
 
 @dataclass(frozen=True)
 class Quality:
-    """Thoroughness of refinement.
+    """Thoroughness of refinement."""
 
-    Attributes:
-        knots: First number of knot intervals, about, and numbers of parts of their successive
-            divisions; one run per pair, from the most natural start.
-        narrow_knots: The same for tubes that the first of these knots are too coarse to follow, and
-            for paths of many points, whose segments form chains.
-        other_knots: The same for another attempt from a start that led nearly to an answer.
-        every_start: Whether other starts are tried even after a certified trajectory.
-    """
-
+    # first number of knot intervals, about, and numbers of parts of their successive divisions; one
+    # run per pair, from the most natural start
     knots: tuple[tuple[int, tuple[int, ...]], ...]
+    # the same for tubes that the first of these knots are too coarse to follow, and for paths of
+    # many points, whose segments form chains
     narrow_knots: tuple[tuple[int, tuple[int, ...]], ...]
+    # the same for another attempt from a start that led nearly to an answer
     other_knots: tuple[tuple[int, tuple[int, ...]], ...] = ()
-    every_start: bool = False
+    every_start: bool = False  # whether other starts are tried even after a certified trajectory
 
 
 _FEW, _FINER = (8, (4,)), (8, (3, 4))

@@ -44,33 +44,23 @@ def _no_trajectory() -> None:
 
 @dataclass(frozen=True, eq=False)
 class TaskResult:
-    """The result of planning a problem or a cycle: a certified motion, or the reason without it.
+    """The result of planning a problem or a cycle: a certified motion, or the reason without it."""
 
-    Attributes:
-        status: Success means that the certificate passed.
-        message: One sentence: the answer, or the reason without an answer.
-        location: Place of that reason, of a cycle with the move.
-        method: The method of the answer: one of `METHODS`.
-        planning_time: Wall time from the loaded task to the certified result [s].
-        certificate_time: Part of the planning time for the answer's certificate [s].
-        stopped_by: "time_limit" or "interrupt" if planning was stopped early; None otherwise.
-        notes: Further information about the answer.
-        proved: True if it is proved that there is no answer; False if no answer was found; None if
-            there is an answer, or planning was stopped.
-        starts_tried: Number of configurations or branches from which the search failed; None
-            unless `proved` is False.
-    """
-
-    status: PlanStatus
-    message: str
-    location: Location
-    method: str
+    status: PlanStatus  # success means that the certificate passed
+    message: str  # one sentence: the answer, or the reason without an answer
+    location: Location  # place of that reason, of a cycle with the move
+    method: str  # the method of the answer: one of `METHODS`
     _: KW_ONLY
-    planning_time: float = 0.0
-    certificate_time: float = 0.0
+    planning_time: float = 0.0  # wall time from the loaded task to the certified result [s]
+    certificate_time: float = 0.0  # part of the planning time for the answer's certificate [s]
+    # "time_limit" or "interrupt" if planning was stopped early; None otherwise
     stopped_by: StoppedBy | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # further information about the answer
+    # True if it is proved that there is no answer; False if no answer was found; None if there is
+    # an answer, or planning was stopped
     proved: bool | None = None
+    # number of configurations or branches from which the search failed; None unless `proved` is
+    # False
     starts_tried: int | None = None
 
     place = FormerName("location")
@@ -369,15 +359,10 @@ def path_minimum(problem: PlanningProblem, trajectory: JointTrajectory) -> float
 
 @dataclass(frozen=True, eq=False)
 class LegPlan:
-    """The plan of one leg of a cycle.
+    """The plan of one leg of a cycle."""
 
-    Attributes:
-        problem: The leg's problem.
-        result: The certified answer, the shortest or the written motion.
-    """
-
-    problem: PlanningProblem
-    result: PlanResult
+    problem: PlanningProblem  # the leg's problem
+    result: PlanResult  # the certified answer, the shortest or the written motion
 
     @property
     def duration(self) -> float:

@@ -36,23 +36,14 @@ _SIZES = ("radius", "rotation", "clearance", "position")
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A plan for a tightened problem, and the verdict of its simulated runs.
+    """A plan for a tightened problem, and the verdict of its simulated runs."""
 
-    Attributes:
-        tightening: Tightening of the problem.
-        result: The plan, certified.
-        verdict: Verdict of the runs, with enlarged errors.
-        target: Tightening without a shortfall, as far as the problem allows it.
-        deficit: Largest fraction of a tolerance by which that tightening is not allowed.
-        expected: Duration with that tightening, by first-order prices [s].
-    """
-
-    tightening: Tightening
-    result: PlanResult
-    verdict: RunVerdict
-    target: Tightening
-    deficit: float
-    expected: float
+    tightening: Tightening  # tightening of the problem
+    result: PlanResult  # the plan, certified
+    verdict: RunVerdict  # verdict of the runs, with enlarged errors
+    target: Tightening  # tightening without a shortfall, as far as the problem allows it
+    deficit: float  # largest fraction of a tolerance by which that tightening is not allowed
+    expected: float  # duration with that tightening, by first-order prices [s]
 
     @property
     def survives(self) -> bool:

@@ -40,23 +40,15 @@ from tubeplanner.robot.urdf_elements import read_child, read_numbers
 
 @dataclass(frozen=True)
 class LinkInfo:
-    """A link of a URDF.
+    """A link of a URDF."""
 
-    Attributes:
-        name: Its name.
-        parent: The joint that moves or fixes it; None for the root.
-        mass: [kg]; None without <inertial>.
-        collision: Number of <collision> by kind, such as "mesh" or "box"; empty: never checked.
-        visual: Number of <visual> by kind.
-        is_leaf: True if it carries no other link.
-    """
-
-    name: str
-    parent: str | None
-    mass: float | None
+    name: str  # its name
+    parent: str | None  # the joint that moves or fixes it; None for the root
+    mass: float | None  # [kg]; None without <inertial>
+    # number of <collision> by kind, such as "mesh" or "box"; empty: never checked
     collision: dict[str, int]
-    visual: dict[str, int]
-    is_leaf: bool
+    visual: dict[str, int]  # number of <visual> by kind
+    is_leaf: bool  # True if it carries no other link
 
 
 def link_infos(description: UrdfDescription) -> tuple[LinkInfo, ...]:
@@ -93,15 +85,11 @@ _STAND_IN_RATE = 1e9  # an acceleration: `resolve_limits` refuses a joint of unb
 
 @dataclass(frozen=True)
 class SourcedValue:
-    """A number and its source.
+    """A number and its source."""
 
-    Attributes:
-        value: A number, or (lower, upper); None: there is none, or it is infinite.
-        source: "URDF", "problem file", "preset NAME", "limits_file NAME", the joint that follows
-            and bounds it, or "none"; with the factor of limits.scale or the position margin.
-    """
-
-    value: Any
+    value: Any  # A number, or (lower, upper); None: there is none, or it is infinite
+    # "URDF", "problem file", "preset NAME", "limits_file NAME", the joint that follows and bounds
+    # it, or "none"; with the factor of limits.scale or the position margin
     source: str
 
     @property
@@ -112,23 +100,14 @@ class SourcedValue:
 
 @dataclass(frozen=True)
 class JointInfo:
-    """A planned joint.
+    """A planned joint."""
 
-    Attributes:
-        name: Its name.
-        type: As in the URDF.
-        parent: The link that carries it.
-        child: The link that it moves.
-        limits: By quantity, those of `INFO_LIMITS`.
-        motor: By quantity, the values of the motor that have a source.
-    """
-
-    name: str
-    type: str
-    parent: str
-    child: str
-    limits: Mapping[str, SourcedValue]
-    motor: Mapping[str, SourcedValue]
+    name: str  # its name
+    type: str  # as in the URDF
+    parent: str  # the link that carries it
+    child: str  # the link that it moves
+    limits: Mapping[str, SourcedValue]  # by quantity, those of `INFO_LIMITS`
+    motor: Mapping[str, SourcedValue]  # by quantity, the values of the motor that have a source
 
 
 def joint_infos(arm: DescribedArm) -> tuple[tuple[JointInfo, ...], JointLimits]:
@@ -221,51 +200,31 @@ def _motors(arm: DescribedArm) -> dict[str, dict[str, SourcedValue]]:
 
 @dataclass(frozen=True)
 class OtherJoint:
-    """A joint that is not planned; the joint of a mobile base is among them.
+    """A joint that is not planned; the joint of a mobile base is among them."""
 
-    Attributes:
-        name: Its name.
-        type: As in the URDF.
-        follows: The planned joint that it follows; None: it is locked.
-        position: The locked position, or the position at its leader's zero [rad or m].
-        multiplier: Its velocity over its leader's; None: it is locked.
-        master: The joint that it mimics in the URDF, if any.
-    """
-
-    name: str
-    type: str
-    follows: str | None
-    position: float
-    multiplier: float | None
-    master: str | None
+    name: str  # its name
+    type: str  # as in the URDF
+    follows: str | None  # the planned joint that it follows; None: it is locked
+    position: float  # the locked position, or the position at its leader's zero [rad or m]
+    multiplier: float | None  # its velocity over its leader's; None: it is locked
+    master: str | None  # the joint that it mimics in the URDF, if any
 
 
 @dataclass(frozen=True)
 class RobotInfo:
-    """The contents and gaps of a robot.
+    """The contents and gaps of a robot."""
 
-    Attributes:
-        path: Its URDF.
-        name: Its name.
-        tool_frame: The link that carries the tool.
-        tool_frame_is_given: False if `likely_tool_frame` selected it.
-        joints: The planned joints in chain order.
-        other_joints: Joints that can move and are not planned.
-        links: All links.
-        missing: Values that planning needs and the robot lacks, each with its remedy.
-        notes: Sentences on what the files hold and planning does not use, and implausible values.
-        arm: Its kinematics and masses; efforts are unlimited, so that no mass need be there.
-    """
-
-    path: Path
-    name: str
-    tool_frame: str
-    tool_frame_is_given: bool
-    joints: tuple[JointInfo, ...]
-    other_joints: tuple[OtherJoint, ...]
-    links: tuple[LinkInfo, ...]
-    missing: tuple[str, ...]
+    path: Path  # its URDF
+    name: str  # its name
+    tool_frame: str  # the link that carries the tool
+    tool_frame_is_given: bool  # False if `likely_tool_frame` selected it
+    joints: tuple[JointInfo, ...]  # the planned joints in chain order
+    other_joints: tuple[OtherJoint, ...]  # joints that can move and are not planned
+    links: tuple[LinkInfo, ...]  # all links
+    missing: tuple[str, ...]  # values that planning needs and the robot lacks, each with its remedy
+    # sentences on what the files hold and planning does not use, and implausible values
     notes: tuple[str, ...]
+    # its kinematics and masses; efforts are unlimited, so that no mass need be there
     arm: RobotModel = field(repr=False)
 
     @property

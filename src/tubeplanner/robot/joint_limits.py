@@ -54,15 +54,10 @@ class LimitLayer:
 
 @dataclass(frozen=True)
 class MergedValues:
-    """The values per joint of all layers.
+    """The values per joint of all layers."""
 
-    Attributes:
-        by_joint: Values by quantity and joint name.
-        sources: The source of each value, by quantity and joint name.
-    """
-
-    by_joint: dict[str, dict[str, Any]]
-    sources: dict[str, dict[str, str]]
+    by_joint: dict[str, dict[str, Any]]  # values by quantity and joint name
+    sources: dict[str, dict[str, str]]  # the source of each value, by quantity and joint name
 
 
 _Layer: TypeAlias = LimitOverrides | LimitLayer
@@ -151,20 +146,13 @@ _Overrides: TypeAlias = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True, eq=False)
 class EffortRange:
-    """Effort limits of a joint in both directions: linear between positions, constant beyond.
+    """Effort limits of a joint in both directions: linear between positions, constant beyond."""
 
-    Attributes:
-        joint: Index of the joint in the group.
-        position: Increasing, shape (K,) [rad or m].
-        backwards: Limit against the joint's direction at these positions, > 0, shape (K,)
-            [N m or N].
-        forwards: Limit along the joint's direction, > 0, shape (K,) [N m or N].
-    """
-
-    joint: int
-    position: FloatArray
+    joint: int  # index of the joint in the group
+    position: FloatArray  # increasing, shape (K,) [rad or m]
+    # limit against the joint's direction at these positions, > 0, shape (K,) [N m or N]
     backwards: FloatArray
-    forwards: FloatArray
+    forwards: FloatArray  # limit along the joint's direction, > 0, shape (K,) [N m or N]
 
     def __post_init__(self) -> None:
         for name in ("position", "backwards", "forwards"):
@@ -215,20 +203,13 @@ class VelocityByPosition:
 
     v <= min(v_max, max(0, -offset + sqrt(2 deceleration max(0, upper - q)))) and
     -v <= min(v_max, max(0, -offset + sqrt(2 deceleration max(0, q - lower)))).
-
-    Attributes:
-        joint: Index of the joint in the group.
-        deceleration: With which it could still stop at the end [rad/s^2 or m/s^2].
-        offset: Subtracted from the velocity [rad/s or m/s].
-        lower: End of the range backwards [rad or m].
-        upper: End of the range forwards [rad or m].
     """
 
-    joint: int
-    deceleration: float
-    offset: float
-    lower: float
-    upper: float
+    joint: int  # index of the joint in the group
+    deceleration: float  # with which it could still stop at the end [rad/s^2 or m/s^2]
+    offset: float  # subtracted from the velocity [rad/s or m/s]
+    lower: float  # end of the range backwards [rad or m]
+    upper: float  # end of the range forwards [rad or m]
 
     @classmethod
     def of(cls, where: str, joint: int, law: Any, range_: FloatArray) -> "VelocityByPosition":
@@ -258,41 +239,28 @@ class VelocityByPosition:
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Limits of n joints, in group order; inf where there is none.
+    """Limits of n joints, in group order; inf where there is none."""
 
-    Attributes:
-        lower_position: Shape (n,), the margin included [rad or m].
-        upper_position: Likewise.
-        velocity: Shape (n,) [rad/s or m/s].
-        effort: The largest at any position and in either direction, shape (n,) [N m or N].
-        acceleration: Shape (n,) [rad/s^2 or m/s^2].
-        jerk: Shape (n,) [rad/s^3 or m/s^3].
-        effort_rate: Shape (n,) [N m/s or N/s].
-        tool_speed: Of the tool centre point [m/s].
-        velocity_by_position: Of the joints that have a law of this kind, in group order.
-        point_speed: Limits on the speed of points of the arm.
-        effort_ranges: Of the joints whose effort limit differs by position or by direction.
-        notes: Parts of limit files that were not used.
-        velocity_tolerance: Fraction by which the maker's controller lets joints pass their velocity
-            limits, of a preset; None: not known.
-        sources: Source of each limit that is not the URDF's, by quantity and joint name.
-        position_margin: Taken off both position limits, shape (n,) [rad or m]; 0: none.
-    """
-
-    lower_position: FloatArray
-    upper_position: FloatArray
-    velocity: FloatArray
-    effort: FloatArray
-    acceleration: FloatArray
-    jerk: FloatArray
-    effort_rate: FloatArray
-    tool_speed: float = np.inf
+    lower_position: FloatArray  # shape (n,), the margin included [rad or m]
+    upper_position: FloatArray  # likewise
+    velocity: FloatArray  # shape (n,) [rad/s or m/s]
+    effort: FloatArray  # the largest at any position and in either direction, shape (n,) [N m or N]
+    acceleration: FloatArray  # shape (n,) [rad/s^2 or m/s^2]
+    jerk: FloatArray  # shape (n,) [rad/s^3 or m/s^3]
+    effort_rate: FloatArray  # shape (n,) [N m/s or N/s]
+    tool_speed: float = np.inf  # of the tool centre point [m/s]
+    # of the joints that have a law of this kind, in group order
     velocity_by_position: tuple[VelocityByPosition, ...] = ()
-    point_speed: tuple[PointSpeed, ...] = ()
+    point_speed: tuple[PointSpeed, ...] = ()  # limits on the speed of points of the arm
+    # of the joints whose effort limit differs by position or by direction
     effort_ranges: tuple[EffortRange, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # parts of limit files that were not used
+    # fraction by which the maker's controller lets joints pass their velocity limits, of a preset;
+    # None: not known
     velocity_tolerance: float | None = None
+    # source of each limit that is not the URDF's, by quantity and joint name
     sources: Mapping[str, Mapping[str, str]] = field(default_factory=dict, repr=False)
+    # taken off both position limits, shape (n,) [rad or m]; 0: none
     position_margin: FloatArray | float = 0.0
 
     __repr__ = short_repr

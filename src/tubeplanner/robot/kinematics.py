@@ -31,21 +31,13 @@ _last_poses = native_function("tubeplanner_last_poses", *_TABLE, Doubles, return
 
 @dataclass(frozen=True, eq=False)
 class ModelJoints:
-    """M joints, in the order of the model; joint k moves body k + 1 and all bodies beyond.
+    """M joints, in the order of the model; joint k moves body k + 1 and all bodies beyond."""
 
-    Attributes:
-        planned: Group index of the joint itself or of its leader, shape (M,).
-        multiplier: Velocity over the leader's, shape (M,); 1 for a planned joint.
-        offset: Position at the leader's zero, shape (M,) [rad or m].
-        is_revolute: True if a joint turns, False if it slides, shape (M,).
-        own: Index of each planned joint among the M, shape (n,).
-    """
-
-    planned: IntArray
-    multiplier: FloatArray
-    offset: FloatArray
-    is_revolute: BoolArray
-    own: IntArray
+    planned: IntArray  # group index of the joint itself or of its leader, shape (M,)
+    multiplier: FloatArray  # velocity over the leader's, shape (M,); 1 for a planned joint
+    offset: FloatArray  # position at the leader's zero, shape (M,) [rad or m]
+    is_revolute: BoolArray  # True if a joint turns, False if it slides, shape (M,)
+    own: IntArray  # index of each planned joint among the M, shape (n,)
 
     def positions(self, q: FloatArray) -> FloatArray:
         """Return the positions of all joints, (N, M), from the group's (N, n)."""
@@ -114,21 +106,13 @@ def model_joints(
 
 @dataclass(frozen=True, eq=False)
 class BodyChain:
-    """The kinematic tree of an arm's bodies; body 0 is fixed, joint k moves body k + 1.
+    """The kinematic tree of an arm's bodies; body 0 is fixed, joint k moves body k + 1."""
 
-    Attributes:
-        parents: Index of the body that carries each body, shape (bodies,).
-        rotation: Of each body in its parent, its joint at zero, shape (bodies, 3, 3).
-        position: Of its origin there, shape (bodies, 3) [m].
-        axes: Of the joints, in the frames of the bodies that they move, shape (M, 3).
-        is_revolute: True if a joint turns, False if it slides, shape (M,).
-    """
-
-    parents: IntArray
-    rotation: FloatArray
-    position: FloatArray
-    axes: FloatArray
-    is_revolute: BoolArray
+    parents: IntArray  # index of the body that carries each body, shape (bodies,)
+    rotation: FloatArray  # of each body in its parent, its joint at zero, shape (bodies, 3, 3)
+    position: FloatArray  # of its origin there, shape (bodies, 3) [m]
+    axes: FloatArray  # of the joints, in the frames of the bodies that they move, shape (M, 3)
+    is_revolute: BoolArray  # True if a joint turns, False if it slides, shape (M,)
 
     def poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] at positions (N, M)."""
@@ -227,23 +211,14 @@ _MANY = 64
 
 @dataclass(frozen=True, eq=False)
 class ToolChain:
-    """The bodies and joints that move the tool centre point.
+    """The bodies and joints that move the tool centre point."""
 
-    Attributes:
-        model: The arm.
-        scratch: Of the model; written to.
-        joints: The joints of the model.
-        chain: Its bodies.
-        carries: True if joint k moves a body, shape (bodies, M).
-        frame: Index of the tool centre point among the model's frames.
-    """
-
-    model: pin.Model
-    scratch: Scratch
-    joints: ModelJoints
-    chain: BodyChain
-    carries: BoolArray
-    frame: int
+    model: pin.Model  # the arm
+    scratch: Scratch  # of the model; written to
+    joints: ModelJoints  # the joints of the model
+    chain: BodyChain  # its bodies
+    carries: BoolArray  # True if joint k moves a body, shape (bodies, M)
+    frame: int  # index of the tool centre point among the model's frames
 
     def poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, 3, 3) and positions (N, 3) [m] in configurations (N, n)."""

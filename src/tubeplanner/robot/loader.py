@@ -94,21 +94,13 @@ def load_robot(
 
 @dataclass(frozen=True)
 class DescribedArm:
-    """The description of an arm, before its limits are resolved.
+    """The description of an arm, before its limits are resolved."""
 
-    Attributes:
-        description: The robot.
-        folders: Folders that hold the packages of `package://` names.
-        tool_frame: The link that carries the tool.
-        group: The planned joints.
-        layers: Limits and motors, later layers above.
-    """
-
-    description: UrdfDescription
-    folders: PackageDirs
-    tool_frame: str
-    group: list[str]
-    layers: list[LimitLayer]
+    description: UrdfDescription  # the robot
+    folders: PackageDirs  # folders that hold the packages of `package://` names
+    tool_frame: str  # the link that carries the tool
+    group: list[str]  # the planned joints
+    layers: list[LimitLayer]  # limits and motors, later layers above
 
     def model(
         self,

@@ -76,28 +76,20 @@ class JointMotors:
     friction times velocity, and Coulomb friction against the direction of motion. At a velocity v
     it is at most saturation_effort (1 - v / no_load_velocity) forwards, and backwards
     saturation_effort (1 + v / no_load_velocity).
-
-    Attributes:
-        armature: Inertia of the rotors at the joints, shape (n,) [kg m^2 or kg].
-        viscous_friction: Shape (n,) [N m s/rad or N s/m].
-        backwards_friction: Coulomb friction where the velocity is negative, >= 0, shape (n,)
-            [N m or N].
-        forwards_friction: Coulomb friction where the velocity is positive, >= 0, shape (n,)
-            [N m or N].
-        saturation_effort: Effort at which the motor stalls, shape (n,) [N m or N]; inf without a
-            torque-speed line.
-        no_load_velocity: Velocity at which that line is zero, shape (n,) [rad/s or m/s]; inf
-            without a torque-speed line.
-        friction_uncertainty: Fraction by which friction may be more or less.
     """
 
-    armature: FloatArray
-    viscous_friction: FloatArray
+    armature: FloatArray  # inertia of the rotors at the joints, shape (n,) [kg m^2 or kg]
+    viscous_friction: FloatArray  # shape (n,) [N m s/rad or N s/m]
+    # coulomb friction where the velocity is negative, >= 0, shape (n,) [N m or N]
     backwards_friction: FloatArray
+    # coulomb friction where the velocity is positive, >= 0, shape (n,) [N m or N]
     forwards_friction: FloatArray
+    # effort at which the motor stalls, shape (n,) [N m or N]; inf without a torque-speed line
     saturation_effort: FloatArray
+    # velocity at which that line is zero, shape (n,) [rad/s or m/s]; inf without a torque-speed
+    # line
     no_load_velocity: FloatArray
-    friction_uncertainty: float = 0.0
+    friction_uncertainty: float = 0.0  # fraction by which friction may be more or less
 
     __repr__ = short_repr
 

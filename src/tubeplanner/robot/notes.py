@@ -170,15 +170,10 @@ def _unused_friction(robot: RobotModel, unused: Mapping[str, object]) -> "Fricti
 
 @dataclass(frozen=True)
 class FrictionFraction:
-    """The largest fraction of an effort limit that friction takes.
+    """The largest fraction of an effort limit that friction takes."""
 
-    Attributes:
-        fraction: Of the effort limit, at the velocity limit.
-        joints: Names of the joints with this fraction; empty: every joint.
-    """
-
-    fraction: float
-    joints: tuple[str, ...]
+    fraction: float  # of the effort limit, at the velocity limit
+    joints: tuple[str, ...]  # names of the joints with this fraction; empty: every joint
 
     @property
     def is_implausible(self) -> bool:
@@ -292,15 +287,10 @@ class Value(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """The extent of a solid.
+    """The extent of a solid."""
 
-    Attributes:
-        body: Index of the robot's body that carries it; 0 is fixed.
-        box: Least and largest coordinates in the body's frame, shape (2, 3) [m].
-    """
-
-    body: int
-    box: FloatArray
+    body: int  # index of the robot's body that carries it; 0 is fixed
+    box: FloatArray  # least and largest coordinates in the body's frame, shape (2, 3) [m]
 
 
 def doubts(values: Iterable[Value]) -> list[str]:

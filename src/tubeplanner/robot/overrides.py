@@ -136,21 +136,14 @@ class _JointValues:
 
 @dataclass(frozen=True)
 class JointQuantity:
-    """What has a limit for each joint, a number; a field of `LimitOverrides` and `JointLimits`.
+    """What has a limit for each joint, a number; a field of `LimitOverrides` and `JointLimits`."""
 
-    Attributes:
-        units: Of a turning and of a sliding joint.
-        in_urdf: "required", "optional" or "never": of these only a given limit enters the hash.
-        is_scalable: True if a commissioning factor may scale the limit.
-        is_followed: True if the limit of a follower bounds its master.
-        name: Of the fields.
-    """
-
-    units: tuple[str, str]
+    units: tuple[str, str]  # of a turning and of a sliding joint
+    # "required", "optional" or "never": of these only a given limit enters the hash
     in_urdf: str = "never"
-    is_scalable: bool = False
-    is_followed: bool = False
-    name: str = ""
+    is_scalable: bool = False  # True if a commissioning factor may scale the limit
+    is_followed: bool = False  # True if the limit of a follower bounds its master
+    name: str = ""  # of the fields
 
     @property
     def label(self) -> str:

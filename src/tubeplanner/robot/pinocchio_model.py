@@ -77,17 +77,11 @@ class BasePose:
 
 @dataclass(frozen=True, eq=False)
 class BodyInertia:
-    """Mass properties of a body, in its frame.
+    """Mass properties of a body, in its frame."""
 
-    Attributes:
-        mass: [kg].
-        com: Centre of mass, shape (3,) [m].
-        inertia: About the centre of mass, shape (3, 3) [kg m^2].
-    """
-
-    mass: float
-    com: FloatArray
-    inertia: FloatArray
+    mass: float  # [kg]
+    com: FloatArray  # centre of mass, shape (3,) [m]
+    inertia: FloatArray  # about the centre of mass, shape (3, 3) [kg m^2]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", float(self.mass))

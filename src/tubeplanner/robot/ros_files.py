@@ -232,15 +232,10 @@ _MAX_NAMES = 8  # of links in a note
 
 @dataclass(frozen=True, eq=False)
 class Srdf:
-    """An SRDF.
+    """An SRDF."""
 
-    Attributes:
-        path: The file.
-        root: Its <robot>.
-    """
-
-    path: Path
-    root: ElementTree.Element
+    path: Path  # the file
+    root: ElementTree.Element  # its <robot>
 
     def allowed_pairs(self, links: Sequence[str]) -> list[tuple[str, str]]:
         """Return the pairs of a robot's links that may touch, each once.

@@ -53,64 +53,42 @@ class Mimic:
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint of a URDF.
+    """A joint of a URDF."""
 
-    Attributes:
-        name: The joint's name.
-        type: One of revolute, continuous, prismatic, fixed, planar, floating.
-        parent: Name of the parent link.
-        child: Name of the child link.
-        lower: Lower position limit [rad or m], -inf where continuous.
-        upper: Upper position limit [rad or m], inf where continuous.
-        effort: Effort limit [N m or N], None where the URDF gives none.
-        velocity: Velocity limit [rad/s or m/s], None where the URDF gives none.
-        mimic: The rule by which the joint follows another, if any.
-        acceleration: The smaller of the acceleration and deceleration limits [rad/s^2 or m/s^2],
-            None where the URDF gives none, or its version has none.
-        jerk: Jerk limit [rad/s^3 or m/s^3], likewise.
-        accelerations: The acceleration and the deceleration limit, if they differ; else empty.
-        unused: Values that planning does not use, as `unused_values` returns them.
-    """
-
-    name: str
-    type: str
-    parent: str
-    child: str
-    lower: float
-    upper: float
-    effort: float | None
-    velocity: float | None
-    mimic: Mimic | None
+    name: str  # the joint's name
+    type: str  # one of revolute, continuous, prismatic, fixed, planar, floating
+    parent: str  # name of the parent link
+    child: str  # name of the child link
+    lower: float  # lower position limit [rad or m], -inf where continuous
+    upper: float  # upper position limit [rad or m], inf where continuous
+    effort: float | None  # effort limit [N m or N], None where the URDF gives none
+    velocity: float | None  # velocity limit [rad/s or m/s], None where the URDF gives none
+    mimic: Mimic | None  # the rule by which the joint follows another, if any
+    # the smaller of the acceleration and deceleration limits [rad/s^2 or m/s^2], None where the
+    # URDF gives none, or its version has none
     acceleration: float | None = None
-    jerk: float | None = None
+    jerk: float | None = None  # jerk limit [rad/s^3 or m/s^3], likewise
+    # the acceleration and the deceleration limit, if they differ; else empty
     accelerations: tuple[float, ...] = ()
+    # values that planning does not use, as `unused_values` returns them
     unused: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class UrdfDescription:
-    """A robot description that passed the structural checks.
+    """A robot description that passed the structural checks."""
 
-    Attributes:
-        path: The file it was read from.
-        name: The robot's name.
-        links: Names of all links.
-        joints: All joints by name, in the order of the file.
-        xml: The contents of the file, with declarations for the prefixes that lack one, and rpy
-            for every quaternion.
-        undeclared: The names under each prefix that the file does not declare.
-        notes: Sentences on parts of the files that are not used.
-        srdf: The SRDF beside it; None: there is none.
-    """
-
-    path: Path
-    name: str
-    links: tuple[str, ...]
-    joints: dict[str, UrdfJoint]
+    path: Path  # the file it was read from
+    name: str  # the robot's name
+    links: tuple[str, ...]  # names of all links
+    joints: dict[str, UrdfJoint]  # all joints by name, in the order of the file
+    # the contents of the file, with declarations for the prefixes that lack one, and rpy for every
+    # quaternion
     xml: bytes
+    # the names under each prefix that the file does not declare
     undeclared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    srdf: Srdf | None = None
+    notes: tuple[str, ...] = ()  # sentences on parts of the files that are not used
+    srdf: Srdf | None = None  # the SRDF beside it; None: there is none
 
     __repr__ = short_repr
 

@@ -50,28 +50,19 @@ class BasePlacement(NamedTuple):
 
 @dataclass(frozen=True)
 class PlacementGrid:
-    """Base poses in the middles of equal cells of a region.
+    """Base poses in the middles of equal cells of a region."""
 
-    Attributes:
-        base_placements: The base poses.
-        spacing: Sides of a cell: x, y, z [m] and yaw [rad]; 0 where the region has no extent.
-    """
-
-    base_placements: tuple[BasePlacement, ...]
+    base_placements: tuple[BasePlacement, ...]  # the base poses
+    # sides of a cell: x, y, z [m] and yaw [rad]; 0 where the region has no extent
     spacing: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
 class Region:
-    """A box in the cell, its sides along the axes, for a root link's origin.
+    """A box in the cell, its sides along the axes, for a root link's origin."""
 
-    Attributes:
-        low: Least x, y, z [m].
-        high: Largest x, y, z [m].
-    """
-
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
+    low: tuple[float, float, float]  # least x, y, z [m]
+    high: tuple[float, float, float]  # largest x, y, z [m]
 
     @classmethod
     def of(cls, bounds: Sequence[float], height: float) -> "Region":
@@ -208,20 +199,13 @@ _ENDS = ("start", "goal")
 
 @dataclass(frozen=True)
 class MovableProblem:
-    """The contents of a problem file, for any base pose of the robot.
+    """The contents of a problem file, for any base pose of the robot."""
 
-    Attributes:
-        spec: The problem as given.
-        seeds: Seeds of inverse kinematics [rad or m], by end: the configurations given for start
-            and goal.
-        given: Base pose as given.
-        tilt: Roll and pitch of the base, which stay [rad].
-    """
-
-    spec: ProblemSpec
+    spec: ProblemSpec  # the problem as given
+    # seeds of inverse kinematics [rad or m], by end: the configurations given for start and goal
     seeds: Mapping[str, Any]
-    given: BasePlacement
-    tilt: tuple[float, float]
+    given: BasePlacement  # base pose as given
+    tilt: tuple[float, float]  # roll and pitch of the base, which stay [rad]
 
     @classmethod
     def of(cls, spec: ProblemSpec) -> "MovableProblem":

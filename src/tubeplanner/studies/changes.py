@@ -54,53 +54,35 @@ def from_to(before: float, after: float, unit: str) -> str:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A change by a certain size.
+    """A change by a certain size."""
 
-    Attributes:
-        changes: Values by field path, as `load_problem` takes them.
-        after: The quantity after the change, as JSON values.
-        text: The change in words.
-        brief: Its size, or the new value, for texts that name the rest; empty: it has none.
-    """
-
-    changes: Mapping[str, Any]
-    after: Any
-    text: str
-    brief: str = ""
+    changes: Mapping[str, Any]  # values by field path, as `load_problem` takes them
+    after: Any  # the quantity after the change, as JSON values
+    text: str  # the change in words
+    brief: str = ""  # its size, or the new value, for texts that name the rest; empty: it has none
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change of one quantity in one direction.
+    """A change of one quantity in one direction."""
 
-    Attributes:
-        kind: Kind of the quantity, such as "radius" or "effort".
-        field: Path of the quantity in the problem file.
-        before: The quantity before the change, as JSON values.
-        unit: Unit of the quantity and of sizes; empty: none.
-        scale: The size that counts as one: the quantity itself, 0.1 m or 0.1 rad.
-        most: The largest sensible size.
-        propose: Function from a size to the change by that size.
-        about: Names that the change concerns: "segment 3", a joint, an obstacle.
-        is_switch: True if the only size is 1.
-        is_loss: True if sizes are subtracted from the quantity: then the remainder counts as well.
-        is_move: True if a motion may need a middle size: a solid or a point may go too far.
-        is_of_robot: True if another robot is needed: its own limits, or the shape of its tool.
-        estimate: A size that should be enough, and little less not, tried first; None: not known.
-    """
-
-    kind: str
-    field: str
-    before: Any
-    unit: str
-    scale: float
-    most: float
-    propose: Callable[[float], Proposal]
+    kind: str  # kind of the quantity, such as "radius" or "effort"
+    field: str  # path of the quantity in the problem file
+    before: Any  # the quantity before the change, as JSON values
+    unit: str  # unit of the quantity and of sizes; empty: none
+    scale: float  # the size that counts as one: the quantity itself, 0.1 m or 0.1 rad
+    most: float  # the largest sensible size
+    propose: Callable[[float], Proposal]  # function from a size to the change by that size
+    # names that the change concerns: "segment 3", a joint, an obstacle
     about: frozenset[str] = frozenset()
-    is_switch: bool = False
+    is_switch: bool = False  # True if the only size is 1
+    # True if sizes are subtracted from the quantity: then the remainder counts as well
     is_loss: bool = False
+    # True if a motion may need a middle size: a solid or a point may go too far
     is_move: bool = False
+    # True if another robot is needed: its own limits, or the shape of its tool
     is_of_robot: bool = False
+    # A size that should be enough, and little less not, tried first; None: not known
     estimate: float | None = None
 
     @property
@@ -165,17 +147,11 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """An explained problem; it may be invalid.
+    """An explained problem; it may be invalid."""
 
-    Attributes:
-        spec: The contents of its file.
-        fields: The contents, checked against the format.
-        robot: Its arm.
-    """
-
-    spec: ProblemSpec
-    fields: ProblemFields
-    robot: RobotModel
+    spec: ProblemSpec  # the contents of its file
+    fields: ProblemFields  # the contents, checked against the format
+    robot: RobotModel  # its arm
 
     def __repr__(self) -> str:
         return f"<Question about {self.spec.name}>"
@@ -267,11 +243,6 @@ def in_order(
     """Return changes in tiers: about the place, elsewhere, and of kinds that are unlikely to help.
 
     The first tier has two groups, the likelier kinds first; others have one.
-
-    Args:
-        changes: All changes.
-        status: Status of the plan.
-        location: Location of the failure.
     """
     names = {location.joint, *(f"link {name}" for name in location.links or ())}
     if location.segment is not None:

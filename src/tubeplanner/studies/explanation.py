@@ -58,20 +58,14 @@ _LEFT_OUT = (
 
 @dataclass(frozen=True, eq=False)
 class InvalidProblem:
-    """The reason for which a problem is invalid, and its parts that can be drawn.
+    """The reason for which a problem is invalid, and its parts that can be drawn."""
 
-    Attributes:
-        message: The reason, in one sentence.
-        location: Location of the reason.
-        proved: True if it is proved that there is no motion; None: the input is bad.
-        configuration: Configuration at the place, shape (n,) [rad or m]; None: there is none.
-        drawn: A problem of the same arm, tube and solids; None if the tube cannot be drawn.
-    """
-
-    message: str
-    location: Location
-    proved: bool | None
+    message: str  # the reason, in one sentence
+    location: Location  # location of the reason
+    proved: bool | None  # True if it is proved that there is no motion; None: the input is bad
+    # configuration at the place, shape (n,) [rad or m]; None: there is none
     configuration: FloatArray | None
+    # A problem of the same arm, tube and solids; None if the tube cannot be drawn
     drawn: PlanningProblem | None
 
     __repr__ = short_repr

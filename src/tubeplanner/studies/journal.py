@@ -30,9 +30,6 @@ class Journal:
     def __init__(self, path: Path) -> None:
         """Open or make a journal.
 
-        Args:
-            path: Path of the file.
-
         Raises:
             OutputError: It cannot be opened, another process has it open, or the file is no
                 journal; then it stays as it is.

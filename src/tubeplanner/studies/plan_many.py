@@ -153,17 +153,11 @@ _scenes: dict[str, CollisionScene] = {}  # of parcels, by hash, the latest last
 
 @dataclass(frozen=True)
 class Parcel:
-    """A pickled problem.
+    """A pickled problem."""
 
-    Attributes:
-        content: The problem, pickled with references to robot and scene.
-        scene: Robot and scene, pickled.
-        scene_hash: Hash of `scene`.
-    """
-
-    content: bytes
-    scene: bytes
-    scene_hash: str
+    content: bytes  # the problem, pickled with references to robot and scene
+    scene: bytes  # robot and scene, pickled
+    scene_hash: str  # hash of `scene`
 
     def unpacked(self) -> PlanningProblem:
         """Return the problem, with robot and scene of an earlier parcel of the same hash."""

@@ -30,19 +30,12 @@ _MIN_TIME = 2.0  # [s]
 
 @dataclass(frozen=True)
 class Trial:
-    """The result of planning with a change.
+    """The result of planning with a change."""
 
-    Attributes:
-        size: Size of the change.
-        proposal: The change by that size.
-        duration: Duration of the certified motion [s]; None if there is none.
-        is_thorough: True if planning went on where its first start led nowhere.
-    """
-
-    size: float
-    proposal: Proposal
-    duration: float | None
-    is_thorough: bool = True
+    size: float  # size of the change
+    proposal: Proposal  # the change by that size
+    duration: float | None  # duration of the certified motion [s]; None if there is none
+    is_thorough: bool = True  # True if planning went on where its first start led nowhere
 
     @property
     def succeeded(self) -> bool:
@@ -154,18 +147,14 @@ _MIN_REMAINDER = 2e-3  # of a reduced quantity: smaller differences do not matte
 
 @dataclass
 class SizeBracket:
-    """Two sizes of a change on either side of the decisive size.
+    """Two sizes of a change on either side of the decisive size."""
 
-    Attributes:
-        change: The change.
-        helps: True if it makes an impossible problem possible, False if a possible one impossible.
-        smaller: Trial of the largest size below the decisive one; None: none is known.
-        larger: Trial of the smallest size above the decisive one; None: none is known.
-    """
-
-    change: Change
+    change: Change  # the change
+    # True if it makes an impossible problem possible, False if a possible one impossible
     helps: bool
+    # trial of the largest size below the decisive one; None: none is known
     smaller: Trial | None = None
+    # trial of the smallest size above the decisive one; None: none is known
     larger: Trial | None = None
 
     @property

@@ -32,38 +32,24 @@ NO_TUBE = math.inf
 
 @dataclass(frozen=True)
 class PrintedExample:
-    """One of the five paths of Table II.
+    """One of the five paths of Table II."""
 
-    Attributes:
-        conventional: Duration of straight lines with stops [s].
-        phases: Durations after phase 1 and after phase 2 [s], by tolerance [m].
-        remark: A remark on the printed numbers; empty: none.
-    """
-
-    conventional: float
+    conventional: float  # duration of straight lines with stops [s]
+    # durations after phase 1 and after phase 2 [s], by tolerance [m]
     phases: MappingProxyType[float, tuple[float, float]]
-    remark: str = ""
+    remark: str = ""  # A remark on the printed numbers; empty: none
 
 
 @dataclass(frozen=True)
 class PrintedLine:
-    """A path of Table III or IV, each about one line.
+    """A path of Table III or IV, each about one line."""
 
-    Attributes:
-        example: The example of Table II with the same line.
-        bang_bang: Least time on the line, if motors switch instantly [s].
-        smoothed: `bang_bang` with the paper's cost of smoothness, 26 % [s].
-        durations: Durations [s], by tolerance [m].
-        shown: Tolerances of its figures [m].
-        remark: A remark on the printed numbers.
-    """
-
-    example: int
-    bang_bang: float
-    smoothed: float
-    durations: MappingProxyType[float, float]
-    shown: tuple[float, ...]
-    remark: str
+    example: int  # the example of Table II with the same line
+    bang_bang: float  # least time on the line, if motors switch instantly [s]
+    smoothed: float  # `bang_bang` with the paper's cost of smoothness, 26 % [s]
+    durations: MappingProxyType[float, float]  # durations [s], by tolerance [m]
+    shown: tuple[float, ...]  # tolerances of its figures [m]
+    remark: str  # A remark on the printed numbers
 
 
 def _phases(*durations: tuple[float, float]) -> MappingProxyType[float, tuple[float, float]]:
@@ -136,21 +122,13 @@ _EVERYWHERE = 10.0  # [m]: a tube that the arm cannot leave
 
 @dataclass(frozen=True, eq=False)
 class ReproducedCell:
-    """A path at one tolerance, planned by the published method and by the default one.
+    """A path at one tolerance, planned by the published method and by the default one."""
 
-    Attributes:
-        example: Number of the example of Table II.
-        radius: Tolerance [m]; infinite: no tube, and free joint signs.
-        problem: The planned problem.
-        published: Result of the method as published.
-        default: Result of refinement.
-    """
-
-    example: int
-    radius: float
-    problem: PlanningProblem
-    published: PlanResult
-    default: PlanResult
+    example: int  # number of the example of Table II
+    radius: float  # tolerance [m]; infinite: no tube, and free joint signs
+    problem: PlanningProblem  # the planned problem
+    published: PlanResult  # result of the method as published
+    default: PlanResult  # result of refinement
 
     def result(self, method: str) -> PlanResult:
         """Return the result of a method."""
@@ -173,16 +151,12 @@ class ReproducedCell:
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """Tables II to IV from our code.
+    """Tables II to IV from our code."""
 
-    Attributes:
-        cells: The cells by example and tolerance [m].
-        paths: By example and scheme without a tube: the trajectory on the example's path, or the
-            reason for its absence. "by the paper's constants": straight lines with stops, at the
-            speed and acceleration of Table I.
-    """
-
-    cells: dict[tuple[int, float], ReproducedCell]
+    cells: dict[tuple[int, float], ReproducedCell]  # the cells by example and tolerance [m]
+    # by example and scheme without a tube: the trajectory on the example's path, or the reason for
+    # its absence. "by the paper's constants": straight lines with stops, at the speed and
+    # acceleration of Table I.
     paths: dict[int, dict[str, JointTrajectory | str]]
 
     def durations(self, example: int) -> dict[str, float | None]:
@@ -202,9 +176,6 @@ class Reproduction:
 
 def reproduce(progress: Callable[[object], None] | None = None) -> Reproduction:
     """Plan all tabulated cells of Suh & Bishop (1988) by their method and by the default.
-
-    Args:
-        progress: Called with each stage.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.

@@ -103,19 +103,13 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class PlannedRow(Row):
-    """A variant that was read and planned.
+    """A variant that was read and planned."""
 
-    Attributes:
-        result: Result of planning; None where the problem is invalid, or its plan crashed.
-        message: One sentence: the answer, or the reason for its absence.
-        loading_time: Time of reading the problem [s]; None if that failed.
-        crashed: As of a `Row`.
-    """
-
+    # result of planning; None where the problem is invalid, or its plan crashed
     result: PlanResult | CycleResult | None
-    message: str
-    loading_time: float | None = None
-    crashed: bool = False
+    message: str  # one sentence: the answer, or the reason for its absence
+    loading_time: float | None = None  # time of reading the problem [s]; None if that failed
+    crashed: bool = False  # as of a `Row`
 
     __repr__ = short_repr
 
@@ -231,16 +225,11 @@ _SUBMITTED = 4000
 
 @dataclass(frozen=True)
 class Done(Generic[_R]):
-    """The result of the call with one item.
+    """The result of the call with one item."""
 
-    Attributes:
-        index: Index of the item.
-        value: The returned value; None if the call failed.
-        error: The exception of the call or of its worker; None if the call returned.
-    """
-
-    index: int
-    value: _R | None = None
+    index: int  # index of the item
+    value: _R | None = None  # the returned value; None if the call failed
+    # the exception of the call or of its worker; None if the call returned
     error: Exception | None = None
 
 
@@ -319,23 +308,14 @@ def _broken(error: BaseException) -> OptionError:
 
 @dataclass(frozen=True)
 class StudyProgress:
-    """The progress of a study, or of another run of many plans.
+    """The progress of a study, or of another run of many plans."""
 
-    Attributes:
-        done: Number of finished points.
-        count: Number of all points.
-        planned: Number of finished points that were planned, not read from the journal.
-        elapsed: Wall time since the study began [s].
-        noun: Plural of a point.
-        stage: Part of the run, or stage of the current plan; empty: none.
-    """
-
-    done: int
-    count: int
-    planned: int
-    elapsed: float
-    noun: str = "points"
-    stage: str = ""
+    done: int  # number of finished points
+    count: int  # number of all points
+    planned: int  # number of finished points that were planned, not read from the journal
+    elapsed: float  # wall time since the study began [s]
+    noun: str = "points"  # plural of a point
+    stage: str = ""  # part of the run, or stage of the current plan; empty: none
 
     @property
     def rate(self) -> float | None:
@@ -362,21 +342,14 @@ class StudyProgress:
 
 
 class Variant(NamedTuple):
-    """A variant of a problem that is to be planned.
+    """A variant of a problem that is to be planned."""
 
-    Attributes:
-        name: Index of its row, or another name that no other variant of the run has.
-        argument: Argument of the work.
-        key: Hash of all inputs of its plan: equal keys are planned once; None: planned by itself.
-        values: Varied values by field path, for readers of the journal.
-        answer: The answer, if it is known without a plan; None: it is not.
-    """
-
-    name: Hashable
-    argument: Any
+    name: Hashable  # index of its row, or another name that no other variant of the run has
+    argument: Any  # argument of the work
+    # hash of all inputs of its plan: equal keys are planned once; None: planned by itself
     key: str | None = None
-    values: Mapping[str, Any] = {}
-    answer: Any = None
+    values: Mapping[str, Any] = {}  # varied values by field path, for readers of the journal
+    answer: Any = None  # the answer, if it is known without a plan; None: it is not
 
 
 class RowRun(Generic[_R]):

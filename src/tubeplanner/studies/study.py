@@ -29,15 +29,10 @@ _DIGITS = 12  # of interpolated values: 0.015, where a sum gives 0.0150000000000
 
 @dataclass(frozen=True)
 class Levels:
-    """An axis of single values.
+    """An axis of single values."""
 
-    Attributes:
-        path: Path of the field; or "problem".
-        values: The values in their order.
-    """
-
-    path: str
-    values: Sequence[Any]
+    path: str  # path of the field; or "problem"
+    values: Sequence[Any]  # the values in their order
 
     @property
     def ends(self) -> Sequence[Any]:
@@ -64,21 +59,13 @@ class Levels:
 
 @dataclass(frozen=True)
 class Interval:
-    """An axis of any value between two.
+    """An axis of any value between two."""
 
-    Attributes:
-        path: Path of the field.
-        first: Value at 0.
-        last: Value at 1.
-        is_logarithmic: True if equal steps are equal ratios.
-        is_factor: True if values scale the value of the file.
-    """
-
-    path: str
-    first: float
-    last: float
-    is_logarithmic: bool
-    is_factor: bool
+    path: str  # path of the field
+    first: float  # value at 0
+    last: float  # value at 1
+    is_logarithmic: bool  # True if equal steps are equal ratios
+    is_factor: bool  # True if values scale the value of the file
 
     @property
     def ends(self) -> Sequence[Any]:
@@ -103,15 +90,10 @@ class Interval:
 
 @dataclass(frozen=True)
 class EvenValues(Sequence[Any]):
-    """Values of an interval at equal steps, made one by one: there may be millions.
+    """Values of an interval at equal steps, made one by one: there may be millions."""
 
-    Attributes:
-        interval: The interval.
-        length: Number of values, at least 2.
-    """
-
-    interval: Interval
-    length: int
+    interval: Interval  # the interval
+    length: int  # number of values, at least 2
 
     def __len__(self) -> int:
         return self.length
@@ -163,16 +145,12 @@ MAX_POINTS = 10_000_000
 class Latin:
     """A Latin hypercube: each axis has as many equal parts as there are points, one point in each.
 
-    Attributes:
-        count: Number of points.
-        seed: Seed of the random numbers.
-
     Raises:
         ProblemError: On construction, for numbers out of their bounds.
     """
 
-    count: int
-    seed: int = 0
+    count: int  # number of points
+    seed: int = 0  # seed of the random numbers
 
     def __post_init__(self) -> None:
         if not 1 <= self.count <= MAX_POINTS:
@@ -183,15 +161,10 @@ class Latin:
 
 @dataclass(frozen=True)
 class StudyPoint:
-    """One point of a study.
+    """One point of a study."""
 
-    Attributes:
-        index: Index of the point.
-        values: Its values by field path.
-    """
-
-    index: int
-    values: Mapping[str, Any]
+    index: int  # index of the point
+    values: Mapping[str, Any]  # its values by field path
 
 
 class StudyPoints:
@@ -400,10 +373,6 @@ _PLANNED = (
 
 def planned_answer(spec: ProblemSpec, options: PlanOptions) -> dict[str, Any]:
     """Plan a problem or a cycle, and return its row as JSON values, without point and values.
-
-    Args:
-        spec: The problem or cycle.
-        options: Planning options.
 
     Raises:
         KeyboardInterrupt: Ctrl-C, even if a certified motion was there already.

@@ -149,10 +149,6 @@ def study_schema() -> dict[str, Any]:
 def check_study_fields(data: object, source: str) -> StudyFields:
     """Check the format of a study given as nested dictionaries.
 
-    Args:
-        data: Contents of a study file.
-        source: Its name in messages.
-
     Raises:
         ProblemError: A key is unknown, a value has the wrong type. The message names the field.
     """

@@ -296,11 +296,7 @@ _STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
 
 
 def serve(descriptor: int) -> None:
-    """Answer calls until the connection is closed.
-
-    Args:
-        descriptor: File descriptor of the connection.
-    """
+    """Answer calls until the connection is closed."""
     # Output of libraries must not come between the lines of the parent's output.
     os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)
     with Connection(descriptor) as connection:

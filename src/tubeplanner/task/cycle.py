@@ -24,16 +24,11 @@ _TOUCHING = 1e-3  # [m]; links nearer than this to an attached solid touch it
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """Solids of the cell and solids that the tool carries, between two steps of a cycle.
+    """Solids of the cell and solids that the tool carries, between two steps of a cycle."""
 
-    Attributes:
-        obstacles: Solids in the base frame.
-        attached: Solids in the tool frame.
-        handed_over: Names of the solids attached or detached since the last motion.
-    """
-
-    obstacles: tuple[Obstacle, ...]
-    attached: tuple[AttachedSolid, ...]
+    obstacles: tuple[Obstacle, ...]  # solids in the base frame
+    attached: tuple[AttachedSolid, ...]  # solids in the tool frame
+    # names of the solids attached or detached since the last motion
     handed_over: tuple[str, ...] = ()
 
     def after(self, step: StopStep, robot: RobotModel, q: FloatArray) -> "Cell":

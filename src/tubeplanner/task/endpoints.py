@@ -208,19 +208,14 @@ class Endpoint:
 
     Exactly one of `joints`, `pose` and `region` is set, or none of them if a seed alone leads to
     the configuration at the reference point.
-
-    Attributes:
-        kind: The statement's kind: joints, seed, pose, position, or open.
-        joints: The configuration (n,) [rad or m].
-        seed: The start of inverse kinematics (n,) [rad or m], of a seed or a pose.
-        pose: The tool's pose, base frame.
-        region: The ball that the tool ends in; of an open goal the last reference point.
     """
 
-    kind: str
-    joints: FloatArray | None = None
+    kind: str  # the statement's kind: joints, seed, pose, position, or open
+    joints: FloatArray | None = None  # the configuration (n,) [rad or m]
+    # the start of inverse kinematics (n,) [rad or m], of a seed or a pose
     seed: FloatArray | None = None
-    pose: ToolPose | None = None
+    pose: ToolPose | None = None  # the tool's pose, base frame
+    # the ball that the tool ends in; of an open goal the last reference point
     region: GoalRegion | None = None
 
     @property

@@ -123,14 +123,10 @@ _ABSENT = object()
 
 @dataclass(frozen=True)
 class ProblemLayers:
-    """Documents of a problem file and its included files, the lowest first, the file itself last.
+    """Documents of a problem file and its included files, the file itself last."""
 
-    Attributes:
-        sources: Names of the files in messages.
-        documents: Contents without `include`, with paths relative to the folder of the last file.
-    """
-
-    sources: tuple[str, ...]
+    sources: tuple[str, ...]  # names of the files in messages
+    # contents without `include`, with paths relative to the folder of the last file
     documents: tuple[Any, ...]
 
     @classmethod

@@ -35,34 +35,22 @@ _Task = TypeVar("_Task", bound=PlanningProblem | Cycle)
 
 @dataclass(frozen=True)
 class SrdfInfo:
-    """Content of an SRDF.
+    """Content of an SRDF."""
 
-    Attributes:
-        states: Joint positions by name of the state and of the joint [rad or m].
-        disabled_pairs: Pairs of links that may touch.
-    """
-
+    # joint positions by name of the state and of the joint [rad or m]
     states: Mapping[str, Mapping[str, float]]
-    disabled_pairs: tuple[tuple[str, str], ...]
+    disabled_pairs: tuple[tuple[str, str], ...]  # pairs of links that may touch
 
 
 @dataclass(frozen=True)
 class TaskInfo:
-    """Content of the file of a problem or a cycle.
+    """Content of the file of a problem or a cycle."""
 
-    Attributes:
-        kind: "problem" or "cycle".
-        robot: The robot.
-        srdf: Content of the SRDF; None without an SRDF.
-        task: The problem or the cycle; None if it does not load.
-        refused: Message of the error if the task does not load; else None.
-    """
-
-    kind: str
-    robot: RobotInfo
-    srdf: SrdfInfo | None
-    task: PlanningProblem | Cycle | None
-    refused: str | None
+    kind: str  # "problem" or "cycle"
+    robot: RobotInfo  # the robot
+    srdf: SrdfInfo | None  # content of the SRDF; None without an SRDF
+    task: PlanningProblem | Cycle | None  # the problem or the cycle; None if it does not load
+    refused: str | None  # message of the error if the task does not load; else None
 
     @property
     def problem(self) -> PlanningProblem | None:

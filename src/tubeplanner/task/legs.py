@@ -20,14 +20,10 @@ StopStep: TypeAlias = Event | Attach | Detach
 
 @dataclass(frozen=True, eq=False)
 class Stop:
-    """Steps while the arm is at rest at a junction, between legs.
+    """Steps while the arm is at rest at a junction, between legs."""
 
-    Attributes:
-        steps: Events, attaching and detaching, in order.
-        arms: The arm with its payload, before the first step and after each step.
-    """
-
-    steps: tuple[StopStep, ...]
+    steps: tuple[StopStep, ...]  # events, attaching and detaching, in order
+    # the arm with its payload, before the first step and after each step
     arms: tuple[RobotModel, ...]
 
     @property
@@ -43,19 +39,12 @@ class Stop:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Run of moves without a stop.
+    """Run of moves without a stop."""
 
-    Attributes:
-        moves: At least one; all but the first pass through.
-        before: The rest before the leg.
-        joined: All moves as one move, over all their segments.
-        robot: The arm with its payload in this leg.
-    """
-
-    moves: tuple[Move, ...]
-    before: Stop
-    joined: Move
-    robot: RobotModel
+    moves: tuple[Move, ...]  # at least one; all but the first pass through
+    before: Stop  # the rest before the leg
+    joined: Move  # all moves as one move, over all their segments
+    robot: RobotModel  # the arm with its payload in this leg
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -25,19 +25,12 @@ _KINDS = {Move: MOVE, Event: EVENT, Attach: ATTACH, Detach: DETACH}
 
 @dataclass(frozen=True, eq=False)
 class MotionSection:
-    """A section of a motion under one problem: the motion of a problem, or a leg of a cycle.
+    """A section of a motion under one problem: the motion of a problem, or a leg of a cycle."""
 
-    Attributes:
-        problem: The problem.
-        trajectory: Of the problem's joints, in their order, from time zero.
-        begin: In the whole motion [s].
-        leg: The leg of the cycle; None: the problem is the whole task.
-    """
-
-    problem: PlanningProblem
-    trajectory: JointTrajectory
-    begin: float = 0.0
-    leg: Leg | None = None
+    problem: PlanningProblem  # the problem
+    trajectory: JointTrajectory  # of the problem's joints, in their order, from time zero
+    begin: float = 0.0  # in the whole motion [s]
+    leg: Leg | None = None  # the leg of the cycle; None: the problem is the whole task
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -56,15 +49,10 @@ class MotionSection:
 
 @dataclass(frozen=True, eq=False)
 class ProblemMotion:
-    """Motion of a problem: one section, no steps.
+    """Motion of a problem: one section, no steps."""
 
-    Attributes:
-        task: The problem.
-        trajectory: Of the problem's joints, in any order; kept in the problem's.
-    """
-
-    task: PlanningProblem
-    trajectory: JointTrajectory
+    task: PlanningProblem  # the problem
+    trajectory: JointTrajectory  # of the problem's joints, in any order; kept in the problem's
     marks: ClassVar[tuple[Mark, ...]] = ()
 
     def __post_init__(self) -> None:
@@ -94,15 +82,10 @@ class ProblemMotion:
 
 @dataclass(frozen=True, eq=False)
 class LegMotion:
-    """Motion of one leg.
+    """Motion of one leg."""
 
-    Attributes:
-        trajectory: Of the leg alone, from time zero.
-        passed: Begin times of its moves after the first [s].
-    """
-
-    trajectory: JointTrajectory
-    passed: tuple[float, ...] = ()
+    trajectory: JointTrajectory  # of the leg alone, from time zero
+    passed: tuple[float, ...] = ()  # begin times of its moves after the first [s]
 
 
 @dataclass(frozen=True, eq=False)

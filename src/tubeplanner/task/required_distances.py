@@ -12,21 +12,13 @@ from tubeplanner.task.problem import PlanningProblem
 
 @dataclass(frozen=True, eq=False)
 class NearEnd:
-    """Required distance of pairs in contact while the tool is near an end of the motion.
+    """Required distance of pairs in contact while the tool is near an end of the motion."""
 
-    Attributes:
-        segment: Index of the tube's first or last segment.
-        tool: Position of the tool centre point at that end, shape (3,) [m].
-        within: Largest distance from that position [m].
-        pair: True for the pairs in contact, shape (P,).
-        distance: Required distance of these pairs [m].
-    """
-
-    segment: int
-    tool: FloatArray
-    within: float
-    pair: BoolArray
-    distance: float
+    segment: int  # index of the tube's first or last segment
+    tool: FloatArray  # position of the tool centre point at that end, shape (3,) [m]
+    within: float  # largest distance from that position [m]
+    pair: BoolArray  # True for the pairs in contact, shape (P,)
+    distance: float  # required distance of these pairs [m]
 
     def holds(self, segment: IntArray, tool: FloatArray) -> BoolArray:
         """Return True for tool positions (N, 3) in segments (N,) near the end, shape (N,)."""

@@ -296,17 +296,11 @@ _MAX_BYTES = 10_000_000
 
 @dataclass(frozen=True)
 class PointFile:
-    """Content of a file of points.
+    """Content of a file of points."""
 
-    Attributes:
-        points: m+1 reference points [m].
-        orientations: m+1 quaternions x y z w; None if the file has none.
-        radius: Radii of the m segments [m]; None if the file has none.
-    """
-
-    points: list[list[float]]
-    orientations: list[list[float]] | None
-    radius: list[float] | None
+    points: list[list[float]]  # m+1 reference points [m]
+    orientations: list[list[float]] | None  # m+1 quaternions x y z w; None if the file has none
+    radius: list[float] | None  # radii of the m segments [m]; None if the file has none
 
 
 def read_points(path: Path) -> PointFile:

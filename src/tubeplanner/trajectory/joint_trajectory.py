@@ -30,19 +30,12 @@ _MAX_SAMPLES = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class TrajectorySamples:
-    """A trajectory at N times.
+    """A trajectory at N times."""
 
-    Attributes:
-        time: Shape (N,) [s].
-        position: Shape (N, n) [rad or m].
-        velocity: Shape (N, n) [rad/s or m/s].
-        acceleration: Shape (N, n) [rad/s^2 or m/s^2].
-    """
-
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
+    time: FloatArray  # shape (N,) [s]
+    position: FloatArray  # shape (N, n) [rad or m]
+    velocity: FloatArray  # shape (N, n) [rad/s or m/s]
+    acceleration: FloatArray  # shape (N, n) [rad/s^2 or m/s^2]
 
 
 class JointTrajectory:

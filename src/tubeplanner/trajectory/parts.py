@@ -117,17 +117,11 @@ _END = 1e-12
 
 
 class SignChanges(NamedTuple):
-    """Instants of K possible changes of sign, in no order.
+    """Instants of K possible changes of sign, in no order."""
 
-    Attributes:
-        column: Index of the polynomial, shape (K,).
-        piece: Index of the piece, shape (K,).
-        fraction: Fraction of the piece before the instant, between 0 and 1, shape (K,).
-    """
-
-    column: IntArray
-    piece: IntArray
-    fraction: FloatArray
+    column: IntArray  # index of the polynomial, shape (K,)
+    piece: IntArray  # index of the piece, shape (K,)
+    fraction: FloatArray  # fraction of the piece before the instant, between 0 and 1, shape (K,)
 
 
 def sign_changes(coefficients: FloatArray, widths: FloatArray) -> SignChanges:
@@ -164,21 +158,13 @@ _JUST_BELOW_ONE = 1 - 1e-12
 
 @dataclass(frozen=True, eq=False)
 class MonotoneIntervals:
-    """S intervals in which a joint does not reverse, sorted by joint and then in time.
+    """S intervals in which a joint does not reverse, sorted by joint and then in time."""
 
-    Attributes:
-        joint: Index of the joint, shape (S,).
-        piece: Index of the polynomial piece that holds the interval, shape (S,).
-        start: Start as a fraction of the piece, from 0 to 1, shape (S,).
-        end: End as a fraction of the piece, shape (S,).
-        direction: 1 forwards, -1 backwards, 0 where the joint is at rest, shape (S,).
-    """
-
-    joint: IntArray
-    piece: IntArray
-    start: FloatArray
-    end: FloatArray
-    direction: FloatArray
+    joint: IntArray  # index of the joint, shape (S,)
+    piece: IntArray  # index of the polynomial piece that holds the interval, shape (S,)
+    start: FloatArray  # start as a fraction of the piece, from 0 to 1, shape (S,)
+    end: FloatArray  # end as a fraction of the piece, shape (S,)
+    direction: FloatArray  # 1 forwards, -1 backwards, 0 where the joint is at rest, shape (S,)
 
     def at(self, piece: IntArray, fraction: FloatArray) -> FloatArray:
         """Return the directions of all joints in pieces (N,) at fractions (N,): (N, n).
@@ -203,19 +189,12 @@ class MonotoneIntervals:
 
 @dataclass(frozen=True, eq=False)
 class CommonIntervals:
-    """S intervals of a trajectory in which no joint reverses, in time.
+    """S intervals of a trajectory in which no joint reverses, in time."""
 
-    Attributes:
-        piece: Index of the polynomial piece that holds the interval, shape (S,).
-        start: Start as a fraction of the piece, from 0 to 1, shape (S,).
-        end: End as a fraction of the piece, shape (S,).
-        direction: Of every joint, shape (S, n).
-    """
-
-    piece: IntArray
-    start: FloatArray
-    end: FloatArray
-    direction: FloatArray
+    piece: IntArray  # index of the polynomial piece that holds the interval, shape (S,)
+    start: FloatArray  # start as a fraction of the piece, from 0 to 1, shape (S,)
+    end: FloatArray  # end as a fraction of the piece, shape (S,)
+    direction: FloatArray  # of every joint, shape (S, n)
 
 
 def common_intervals(trajectory: JointTrajectory) -> CommonIntervals:

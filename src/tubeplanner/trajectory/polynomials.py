@@ -12,16 +12,11 @@ from tubeplanner.arrays import FloatArray, IntArray, read_only
 
 @dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:
-    """Polynomials between breakpoints; the first and the last polynomial go on beyond the ends.
+    """Polynomials between breakpoints; the first and the last polynomial go on beyond the ends."""
 
-    Attributes:
-        coefficients: Shape (degree+1, pieces, n), highest power first, local time
-            `t - breakpoints[i]`.
-        breakpoints: Shape (pieces+1,), increasing.
-    """
-
+    # shape (degree+1, pieces, n), highest power first, local time `t - breakpoints[i]`
     coefficients: FloatArray
-    breakpoints: FloatArray
+    breakpoints: FloatArray  # shape (pieces+1,), increasing
 
     def __call__(self, t: FloatArray) -> FloatArray:
         """Return the values at times of any shape (...,): shape (..., n).
@@ -57,17 +52,12 @@ _RESOLUTION = 1e-10  # relative to the largest value
 
 @dataclass(frozen=True, eq=False)
 class Extrema:
-    """Largest values of n polynomials over all their pieces, with their times.
+    """Largest values of n polynomials over all their pieces, with their times."""
 
-    Attributes:
-        value: Shape (n,); a value that is attained, at most 1e-10 (relative) below the maximum.
-        piece: Piece that attains the value: int, shape (n,).
-        local_time: Time from the start of that piece [s], shape (n,).
-    """
-
+    # shape (n,); a value that is attained, at most 1e-10 (relative) below the maximum
     value: FloatArray
-    piece: IntArray
-    local_time: FloatArray
+    piece: IntArray  # piece that attains the value: int, shape (n,)
+    local_time: FloatArray  # time from the start of that piece [s], shape (n,)
 
 
 def bernstein_coefficients(
@@ -175,17 +165,11 @@ def _binomials(degree: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class BSpline:
-    """B-spline; a call with times x of shape (N,) returns values of shape (N, ...).
+    """B-spline; a call with times x of shape (N,) returns values of shape (N, ...)."""
 
-    Attributes:
-        knots: Clamped knot vector, shape (K+degree+1,).
-        control_points: Shape (K, ...).
-        degree: At least 1.
-    """
-
-    knots: FloatArray
-    control_points: FloatArray
-    degree: int
+    knots: FloatArray  # clamped knot vector, shape (K+degree+1,)
+    control_points: FloatArray  # shape (K, ...)
+    degree: int  # at least 1
 
     def __call__(self, x: FloatArray, order: int = 0) -> FloatArray:
         """Return a derivative of an order up to the degree; 0: the values.

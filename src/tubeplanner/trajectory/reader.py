@@ -48,45 +48,31 @@ _MAX_UNIT_RATIO = 10.0
 
 @dataclass(frozen=True)
 class GivenSamples:
-    """Content of the samples of a file, before they are joined.
+    """Content of the samples of a file, before they are joined."""
 
-    Attributes:
-        first_time: Of the first sample [s]; trajectories begin at zero all the same.
-        quantities: The quantities of the file: position, velocity, acceleration.
-        has_effort: True if a ROS message has efforts, which are not read.
-    """
-
-    first_time: float
-    quantities: tuple[str, ...]
-    has_effort: bool = False
+    first_time: float  # of the first sample [s]; trajectories begin at zero all the same
+    quantities: tuple[str, ...]  # the quantities of the file: position, velocity, acceleration
+    has_effort: bool = False  # True if a ROS message has efforts, which are not read
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryFile:
-    """A trajectory with its origin.
+    """A trajectory with its origin."""
 
-    Attributes:
-        trajectory: The trajectory.
-        interpolation: Polynomials between the samples; None if the file holds polynomials.
-        problem_hash: Of the problem of the trajectory; None if the file has none.
-        robot_hash: Of the robot of the trajectory; None if the file has none.
-        samples: Content of the samples; None if the file holds polynomials.
-        ignored: Columns of a CSV file that are not read.
-        still: Positions of further joints that stand still, by name [rad or m].
-        remarks: Sentences on how the file was read.
-        part_hashes: Of the parts of the problem; empty if the file has none.
-        marks: Events, in the order of time; empty but for the motion of a cycle.
-    """
-
-    trajectory: JointTrajectory
+    trajectory: JointTrajectory  # the trajectory
+    # polynomials between the samples; None if the file holds polynomials
     interpolation: str | None = None
-    problem_hash: str | None = None
-    robot_hash: str | None = None
+    problem_hash: str | None = None  # of the problem of the trajectory; None if the file has none
+    robot_hash: str | None = None  # of the robot of the trajectory; None if the file has none
+    # content of the samples; None if the file holds polynomials
     samples: GivenSamples | None = None
-    ignored: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()  # columns of a CSV file that are not read
+    # positions of further joints that stand still, by name [rad or m]
     still: Mapping[str, float] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  # sentences on how the file was read
+    # of the parts of the problem; empty if the file has none
     part_hashes: Mapping[str, str] = field(default_factory=dict)
+    # events, in the order of time; empty but for the motion of a cycle
     marks: tuple[Mark, ...] = ()
 
 
@@ -504,21 +490,13 @@ _BY_NUMBER = (  # RTDE: names by quantity, the joints numbered from 0 in chain o
 
 @dataclass(frozen=True)
 class JointColumns:
-    """Columns of a file that are read.
+    """Columns of a file that are read."""
 
-    Attributes:
-        time: The column of times.
-        joints: Names of the n joints.
-        tables: Per quantity, the columns of all joints, in their order.
-        ignored: Columns that are not read, without the efforts of these joints.
-        remarks: Sentences on the meaning of columns.
-    """
-
-    time: str
-    joints: list[str]
-    tables: dict[str, list[str]]
-    ignored: tuple[str, ...]
-    remarks: tuple[str, ...] = ()
+    time: str  # the column of times
+    joints: list[str]  # names of the n joints
+    tables: dict[str, list[str]]  # per quantity, the columns of all joints, in their order
+    ignored: tuple[str, ...]  # columns that are not read, without the efforts of these joints
+    remarks: tuple[str, ...] = ()  # sentences on the meaning of columns
 
 
 def joint_columns(header: Sequence[str], joint_names: Sequence[str] = ()) -> JointColumns:

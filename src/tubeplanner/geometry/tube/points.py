@@ -75,17 +75,11 @@ _SAME_ORIENTATION = 1e-6  # [rad]
 
 @dataclass(frozen=True, eq=False)
 class DistinctPoints:
-    """The remaining points and segments.
+    """The remaining points and segments."""
 
-    Attributes:
-        points: Indices of the points, shape (m+1,).
-        segments: Indices of the segments that end at them, shape (m,).
-        dropped: Indices of the points left out.
-    """
-
-    points: IntArray
-    segments: IntArray
-    dropped: IntArray
+    points: IntArray  # indices of the points, shape (m+1,)
+    segments: IntArray  # indices of the segments that end at them, shape (m,)
+    dropped: IntArray  # indices of the points left out
 
 
 def distinct_points(
@@ -258,21 +252,13 @@ def _direction(point: FloatArray, others: FloatArray, close: float) -> FloatArra
 
 
 class SegmentNumber(NamedTuple):
-    """A kind of number that each segment may have, such as the tool's speed there.
+    """A kind of number that each segment may have, such as the tool's speed there."""
 
-    Attributes:
-        field: Its name in messages.
-        least: Lower bound.
-        most: Upper bound.
-        unit: Of both.
-        without: Meaning of a segment without the number.
-    """
-
-    field: str
-    least: float
-    most: float
-    unit: str
-    without: str
+    field: str  # its name in messages
+    least: float  # lower bound
+    most: float  # upper bound
+    unit: str  # of both
+    without: str  # meaning of a segment without the number
 
 
 # By the attribute of `Tube`, whose array (m,) is infinite where a segment has no number. Joined and

@@ -101,17 +101,11 @@ class SegmentRegions(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Capsules:
-    """Capsules, the points within a radius of the axis; `SegmentRegions`.
+    """Capsules, the points within a radius of the axis; `SegmentRegions`."""
 
-    Attributes:
-        begin: Begins of the axes, shape (m, 3) [m or rad].
-        end: Ends of the axes, shape (m, 3).
-        radius: Shape (m,) [m or rad]; may be infinite.
-    """
-
-    begin: FloatArray
-    end: FloatArray
-    radius: FloatArray
+    begin: FloatArray  # begins of the axes, shape (m, 3) [m or rad]
+    end: FloatArray  # ends of the axes, shape (m, 3)
+    radius: FloatArray  # shape (m,) [m or rad]; may be infinite
 
     def margin(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the margins of points inside the capsules."""
@@ -292,15 +286,10 @@ def _numbers(where: str, values: Any, count: int, shape: str) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class BoxRegions(Capsules):
-    """Boxes about some segments, capsules about the others; `SegmentRegions`.
+    """Boxes about some segments, capsules about the others; `SegmentRegions`."""
 
-    Attributes:
-        sections: From `box_sections`, shape (m, 5).
-        tool_radius: Subtracted from every half side [m].
-    """
-
-    sections: FloatArray
-    tool_radius: float
+    sections: FloatArray  # from `box_sections`, shape (m, 5)
+    tool_radius: float  # subtracted from every half side [m]
 
     @cached_property
     def is_box(self) -> BoolArray:

@@ -35,20 +35,15 @@ class RotationalTube:
     """Reference orientations and tolerances of the tool's rotation.
 
     Every parameter `segment` is an index or an array with an index per sample.
-
-    Attributes:
-        begin: Orientation at the start of each segment, shape (m, 3, 3).
-        rotation_change: Rotation vector from start to end, in the frame of `begin`, shape (m, 3)
-            [rad].
-        bounds: On |x|, |y|, |z| of the rotation vector and on its length, the angle; infinite where
-            free, shape (m, 4) [rad].
-        points: Reference points, shape (m+1, 3) [m].
     """
 
-    begin: FloatArray
+    begin: FloatArray  # orientation at the start of each segment, shape (m, 3, 3)
+    # rotation vector from start to end, in the frame of `begin`, shape (m, 3) [rad]
     rotation_change: FloatArray
+    # on |x|, |y|, |z| of the rotation vector and on its length, the angle; infinite where free,
+    # shape (m, 4) [rad]
     bounds: FloatArray
-    points: FloatArray
+    points: FloatArray  # reference points, shape (m+1, 3) [m]
 
     @property
     def is_bounded(self) -> bool:

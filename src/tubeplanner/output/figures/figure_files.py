@@ -82,21 +82,13 @@ _MIN_SPACE = 2  # rows of panels that the panel in space takes at least
 
 @dataclass(frozen=True, eq=False)
 class FigureGrid:
-    """The panels of a figure.
+    """The panels of a figure."""
 
-    Attributes:
-        figure: The figure.
-        strip: Binding limits, over the whole width.
-        panels: Curves over time, the left column first.
-        space: The panel in space, at the top of the right column.
-        motors: For motors, at the bottom; None: none.
-    """
-
-    figure: "Figure"
-    strip: "Axes"
-    panels: "list[Axes]"
-    space: "Axes"
-    motors: "SubFigure | None"
+    figure: "Figure"  # the figure
+    strip: "Axes"  # binding limits, over the whole width
+    panels: "list[Axes]"  # curves over time, the left column first
+    space: "Axes"  # the panel in space, at the top of the right column
+    motors: "SubFigure | None"  # for motors, at the bottom; None: none
 
     def name_time(self) -> None:
         """Name the axis of time below the last panel of each column alone, to save space."""

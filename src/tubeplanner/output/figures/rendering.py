@@ -14,13 +14,9 @@ _UPRIGHT = 0.999  # of a direction's height: from above, x points right and y up
 
 @dataclass(frozen=True, eq=False)
 class SpaceView:
-    """A view along a direction, in parallel projection.
+    """A view along a direction, in parallel projection."""
 
-    Attributes:
-        direction: From the scene towards the viewer, unit vector (3,).
-    """
-
-    direction: FloatArray
+    direction: FloatArray  # from the scene towards the viewer, unit vector (3,)
 
     @property
     def is_from_above(self) -> bool:
@@ -69,47 +65,30 @@ _Fragments: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class RenderedSolid:
-    """A surface and its look.
+    """A surface and its look."""
 
-    Attributes:
-        surface: Base frame.
-        color: Red, green, blue from 0 to 1, shape (3,).
-        alpha: 1 if opaque; below that, faces must be outward.
-        has_edges: True to draw its edges.
-    """
-
-    surface: Surface
-    color: FloatArray
-    alpha: float = 1.0
-    has_edges: bool = False
+    surface: Surface  # base frame
+    color: FloatArray  # red, green, blue from 0 to 1, shape (3,)
+    alpha: float = 1.0  # 1 if opaque; below that, faces must be outward
+    has_edges: bool = False  # True to draw its edges
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture of solids.
+    """A picture of solids."""
 
-    Attributes:
-        pixels: Red, green, blue and alpha from 0 to 1, from the bottom up, shape (H, W, 4).
-        low: Lower left corner on the page, shape (2,) [m].
-        high: Upper right corner on the page, shape (2,) [m].
-    """
-
+    # red, green, blue and alpha from 0 to 1, from the bottom up, shape (H, W, 4)
     pixels: FloatArray
-    low: FloatArray
-    high: FloatArray
+    low: FloatArray  # lower left corner on the page, shape (2,) [m]
+    high: FloatArray  # upper right corner on the page, shape (2,) [m]
 
 
 @dataclass(frozen=True, eq=False)
 class _Triangles:
-    """Triangles in pixels.
+    """Triangles in pixels."""
 
-    Attributes:
-        corners: The third coordinate towards the viewer, shape (F, 3, 3).
-        colors: Red, green, blue and alpha, shape (F, 4).
-    """
-
-    corners: FloatArray
-    colors: FloatArray
+    corners: FloatArray  # the third coordinate towards the viewer, shape (F, 3, 3)
+    colors: FloatArray  # red, green, blue and alpha, shape (F, 4)
 
 
 def rendered(solids: Sequence[RenderedSolid], view: SpaceView) -> Picture:

@@ -42,27 +42,17 @@ _FROM_ABOVE = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class SpaceContent:
-    """Content of the panel.
+    """Content of the panel."""
 
-    Attributes:
-        robot: The arm.
-        q: Configurations in which it is drawn, shape (N, n).
-        carried: Parts that it carries in each.
-        strong: Index of the configuration that is drawn in full colour.
-        path: Of the tool, shape (M, 3) [m].
-        tubes: Tubes, and the colour of each; None: the colours of its segments.
-        obstacles: All obstacles.
-        handed_over: Names of obstacles that the arm takes.
-    """
-
-    robot: RobotModel
-    q: FloatArray
-    carried: Sequence[Sequence[AttachedSolid]]
-    strong: int
-    path: FloatArray
+    robot: RobotModel  # the arm
+    q: FloatArray  # configurations in which it is drawn, shape (N, n)
+    carried: Sequence[Sequence[AttachedSolid]]  # parts that it carries in each
+    strong: int  # index of the configuration that is drawn in full colour
+    path: FloatArray  # of the tool, shape (M, 3) [m]
+    # tubes, and the colour of each; None: the colours of its segments
     tubes: Sequence[tuple[Tube, str | None]]
-    obstacles: Sequence[Obstacle]
-    handed_over: Collection[str] = ()
+    obstacles: Sequence[Obstacle]  # all obstacles
+    handed_over: Collection[str] = ()  # names of obstacles that the arm takes
 
 
 def draw_space(axis: "Axes", content: SpaceContent) -> None:

@@ -153,19 +153,12 @@ _WIDE_RANGE = 10.0
 
 @dataclass(frozen=True, eq=False)
 class ValueScale:
-    """The values of a field, and their positions on an axis.
+    """The values of a field, and their positions on an axis."""
 
-    Attributes:
-        path: Of the field.
-        values: From the file or the caller.
-        positions: Their positions on the axis.
-        is_scaled: True if positions are numbers or factors; else they count the values.
-    """
-
-    path: str
-    values: Sequence[Any]
-    positions: FloatArray
-    is_scaled: bool
+    path: str  # of the field
+    values: Sequence[Any]  # from the file or the caller
+    positions: FloatArray  # their positions on the axis
+    is_scaled: bool  # True if positions are numbers or factors; else they count the values
 
     @classmethod
     def of(cls, path: str, values: Sequence[Any]) -> "ValueScale":
@@ -307,17 +300,11 @@ _COLORS = (*LINE_COLORS[1:], "#777777", "#7A1F1F")  # without the colour of plan
 
 @dataclass(frozen=True)
 class StatusMark:
-    """Look of one status.
+    """Look of one status."""
 
-    Attributes:
-        color: Of marks and hatching.
-        marker: As matplotlib names it.
-        hatch: As matplotlib names it.
-    """
-
-    color: str
-    marker: str
-    hatch: str
+    color: str  # of marks and hatching
+    marker: str  # as matplotlib names it
+    hatch: str  # as matplotlib names it
 
 
 def status_mark(status: PlanStatus) -> StatusMark:

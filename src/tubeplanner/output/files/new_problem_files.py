@@ -200,21 +200,13 @@ _SAMPLES_PER_PIECE = 20  # of a trail that is a trajectory of ours
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """A robot and its surroundings, from a problem file.
+    """A robot and its surroundings, from a problem file."""
 
-    Attributes:
-        fields: The problem file's own fields, without tube, start and goal.
-        known_keys: The fields with included files, without tube, start and goal.
-        replaced: Tube, start and goal of the problem file, included files counted.
-        folder: Base of relative paths.
-        source: Name in messages.
-    """
-
-    fields: Any
-    known_keys: Any
-    replaced: Mapping[str, Any]
-    folder: Path
-    source: str
+    fields: Any  # the problem file's own fields, without tube, start and goal
+    known_keys: Any  # the fields with included files, without tube, start and goal
+    replaced: Mapping[str, Any]  # tube, start and goal of the problem file, included files counted
+    folder: Path  # base of relative paths
+    source: str  # name in messages
 
 
 def read_cell(

@@ -38,19 +38,13 @@ _RUN_OVER = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ExportSamples:
-    """Samples of a trajectory, for a file.
+    """Samples of a trajectory, for a file."""
 
-    Attributes:
-        samples: A sample per period, the last one at their duration.
-        rate: [Hz].
-        slowed: Excess of their duration over the trajectory's, as a fraction; 0 if they lie on it.
-        note: Difference to the trajectory, or conditions that the joined samples violate; None:
-            neither.
-    """
-
-    samples: TrajectorySamples
-    rate: float
+    samples: TrajectorySamples  # A sample per period, the last one at their duration
+    rate: float  # [Hz]
+    # excess of their duration over the trajectory's, as a fraction; 0 if they lie on it
     slowed: float
+    # difference to the trajectory, or conditions that the joined samples violate; None: neither
     note: str | None
 
 
@@ -149,17 +143,11 @@ def _joined(trajectory: JointTrajectory, samples: TrajectorySamples) -> JointTra
 
 @dataclass(frozen=True, eq=False)
 class MotionSamples:
-    """Samples of all sections of a motion.
+    """Samples of all sections of a motion."""
 
-    Attributes:
-        motion: The motion.
-        sections: Samples of each section, from time zero.
-        rate: [Hz].
-    """
-
-    motion: Motion
-    sections: tuple[ExportSamples, ...]
-    rate: float
+    motion: Motion  # the motion
+    sections: tuple[ExportSamples, ...]  # samples of each section, from time zero
+    rate: float  # [Hz]
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -41,19 +41,15 @@ def require_rate(rate: float | None) -> None:
 class ExportedMotion:
     """A motion for files, which share its samples.
 
-    Attributes:
-        motion: Of a problem or a cycle: efforts, and samples that keep the limits when joined; a
-            trajectory alone has neither.
-        method: Method of planning, for the JSON; None: not known.
-        rate: Of the samples [Hz]; None: a sample per period of the controller, 500 Hz without a
-            period.
-
     Raises:
         TrajectoryError: When samples are first needed, if the rate makes too many.
     """
 
+    # of a problem or a cycle: efforts, and samples that keep the limits when joined; a trajectory
+    # alone has neither
     motion: Motion | JointTrajectory
-    method: str | None = None
+    method: str | None = None  # method of planning, for the JSON; None: not known
+    # of the samples [Hz]; None: a sample per period of the controller, 500 Hz without a period
     rate: float | None = None
 
     @property
@@ -78,24 +74,15 @@ class ExportedMotion:
 
 
 class Format(NamedTuple):
-    """A format of motions.
+    """A format of motions."""
 
-    Attributes:
-        kind: Noun for a file of it.
-        options: Of `plan`.
-        example: An option with a value.
-        help: Of the options.
-        endings: By which `JointTrajectory.save` chooses the format.
-        text: Function from a motion to the content of a file.
-        require_names: Function that raises if the format cannot hold the names of joints.
-    """
-
-    kind: str
-    options: tuple[str, ...]
-    example: str
-    help: str
-    endings: tuple[str, ...]
-    text: Callable[[ExportedMotion], str]
+    kind: str  # noun for a file of it
+    options: tuple[str, ...]  # of `plan`
+    example: str  # an option with a value
+    help: str  # of the options
+    endings: tuple[str, ...]  # by which `JointTrajectory.save` chooses the format
+    text: Callable[[ExportedMotion], str]  # function from a motion to the content of a file
+    # function that raises if the format cannot hold the names of joints
     require_names: Callable[[Sequence[str]], None] = lambda names: None
 
     @property

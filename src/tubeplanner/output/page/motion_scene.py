@@ -166,19 +166,13 @@ def _frame_times(motion: Motion) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Cell:
-    """What stands about an arm.
+    """What stands about an arm."""
 
-    Attributes:
-        tubes: All tubes.
-        surfaces: Of the tubes.
-        obstacles: Obstacles that nobody moves.
-        items: Function from a motion's index and the radius of lines [m] to the items of tubes,
-            reference paths and goals.
-    """
-
-    tubes: Sequence[Tube]
-    surfaces: Sequence[Surface]
-    obstacles: Sequence[Obstacle]
+    tubes: Sequence[Tube]  # all tubes
+    surfaces: Sequence[Surface]  # of the tubes
+    obstacles: Sequence[Obstacle]  # obstacles that nobody moves
+    # function from a motion's index and the radius of lines [m] to the items of tubes, reference
+    # paths and goals
     items: Callable[[int, float], list[Item]]
 
 
@@ -315,17 +309,12 @@ _AXIS_LENGTH, _CONE_LENGTH, _POINTER_LENGTH = 30.0, 60.0, 66.0  # in radii of dr
 
 @dataclass(frozen=True, eq=False)
 class RotationCone:  # a `MovingBody`
-    """The cone of a rotation tolerance, while it holds.
+    """The cone of a rotation tolerance, while it holds."""
 
-    Attributes:
-        bounds: On |x|, |y|, |z| of the rotation vector and on its length, shape (4,) [rad].
-        poses: Of the reference, at the tool, at T times, base frame, shape (T, 4, 4).
-        present: True while the tolerance holds, shape (T,).
-    """
-
+    # on |x|, |y|, |z| of the rotation vector and on its length, shape (4,) [rad]
     bounds: FloatArray
-    poses: FloatArray
-    present: BoolArray
+    poses: FloatArray  # of the reference, at the tool, at T times, base frame, shape (T, 4, 4)
+    present: BoolArray  # True while the tolerance holds, shape (T,)
 
 
 def tool_orientation(

@@ -41,23 +41,14 @@ _GAP = 0.15  # between trajectories side by side, of the width of one
 
 @dataclass(frozen=True, eq=False)
 class SceneFrame:
-    """Offsets of trajectories, the floor below, and the extent of a picture of the scene.
+    """Offsets of trajectories, the floor below, and the extent of a picture of the scene."""
 
-    Attributes:
-        offset: From each trajectory to the next, shape (3,) [m].
-        direction: From the scene towards the viewer, unit vector (3,).
-        outline: Points that a picture must contain, offsets included, shape (P, 3) [m].
-        floor: Edges of a grid below the scene, shape (E, 2, 3) [m].
-        floor_step: Length of an edge [m].
-        top: Point of the first trajectory's name, shape (3,) [m].
-    """
-
-    offset: FloatArray
-    direction: FloatArray
-    outline: FloatArray
-    floor: FloatArray
-    floor_step: float
-    top: FloatArray
+    offset: FloatArray  # from each trajectory to the next, shape (3,) [m]
+    direction: FloatArray  # from the scene towards the viewer, unit vector (3,)
+    outline: FloatArray  # points that a picture must contain, offsets included, shape (P, 3) [m]
+    floor: FloatArray  # edges of a grid below the scene, shape (E, 2, 3) [m]
+    floor_step: float  # length of an edge [m]
+    top: FloatArray  # point of the first trajectory's name, shape (3,) [m]
 
 
 def scene_frame(points: Sequence[FloatArray], direction: FloatArray, count: int) -> SceneFrame:
@@ -96,49 +87,29 @@ class Layer(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """A surface of one material.
+    """A surface of one material."""
 
-    Attributes:
-        layer: Its layer.
-        trajectory: Index of its trajectory.
-        name: Unique among the items of a layer and trajectory.
-        surface: In the frame of the body that carries it, else in the base frame.
-        color: Red, green, blue from 0 to 1, shape (3,), or of every vertex, (V, 3).
-        opacity: 1 is solid.
-        body: The body that carries it; 0 is static.
-        is_smooth: True to shade it as round where triangles share vertices.
-    """
-
-    layer: Layer
-    trajectory: int
-    name: str
-    surface: Surface
-    color: FloatArray
-    opacity: float = 1.0
-    body: int = 0
-    is_smooth: bool = True
+    layer: Layer  # its layer
+    trajectory: int  # index of its trajectory
+    name: str  # unique among the items of a layer and trajectory
+    surface: Surface  # in the frame of the body that carries it, else in the base frame
+    color: FloatArray  # red, green, blue from 0 to 1, shape (3,), or of every vertex, (V, 3)
+    opacity: float = 1.0  # 1 is solid
+    body: int = 0  # the body that carries it; 0 is static
+    is_smooth: bool = True  # True to shade it as round where triangles share vertices
 
 
 @dataclass(frozen=True, eq=False)
 class ShownTrajectory:
-    """Poses of all bodies at T times; a single time for an arm at rest.
+    """Poses of all bodies at T times; a single time for an arm at rest."""
 
-    Attributes:
-        name: Its name.
-        time: Shape (T,), from 0 to the duration [s].
-        rotation: Of all bodies, shape (T, bodies, 3, 3).
-        position: Of all bodies, shape (T, bodies, 3) [m].
-        tool: Tool centre point, shape (T, 3) [m].
-        speed: Of the tool, shape (T,) [m/s].
-        present: Presence over time of bodies that come and go, shape (T,).
-    """
-
-    name: str
-    time: FloatArray
-    rotation: FloatArray
-    position: FloatArray
-    tool: FloatArray
-    speed: FloatArray
+    name: str  # its name
+    time: FloatArray  # shape (T,), from 0 to the duration [s]
+    rotation: FloatArray  # of all bodies, shape (T, bodies, 3, 3)
+    position: FloatArray  # of all bodies, shape (T, bodies, 3) [m]
+    tool: FloatArray  # tool centre point, shape (T, 3) [m]
+    speed: FloatArray  # of the tool, shape (T,) [m/s]
+    # presence over time of bodies that come and go, shape (T,)
     present: Mapping[int, BoolArray] = field(default_factory=dict)
 
     @property
@@ -156,30 +127,19 @@ class ShownTrajectory:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
-    """Content of a page.
+    """Content of a page."""
 
-    Attributes:
-        name: Of the problem or cycle.
-        task: The problem or cycle.
-        motions: Of the trajectories; none if the arm is at rest.
-        trajectories: At least one; of no duration without a motion.
-        items: Surfaces.
-        frame: Offsets, direction of sight and floor.
-        thickness: Radius of drawn lines [m].
-        notes: Further remarks.
-        sections: Of each motion, under the problems that judge it; none of an arm at rest.
-        executed: The tool's executed paths, beside the first trajectory; None: none.
-    """
-
-    name: str
-    task: Task
-    motions: tuple[Motion, ...]
-    trajectories: tuple[ShownTrajectory, ...]
-    items: tuple[Item, ...]
-    frame: SceneFrame
-    thickness: float
-    notes: tuple[str, ...]
+    name: str  # of the problem or cycle
+    task: Task  # the problem or cycle
+    motions: tuple[Motion, ...]  # of the trajectories; none if the arm is at rest
+    trajectories: tuple[ShownTrajectory, ...]  # at least one; of no duration without a motion
+    items: tuple[Item, ...]  # surfaces
+    frame: SceneFrame  # offsets, direction of sight and floor
+    thickness: float  # radius of drawn lines [m]
+    notes: tuple[str, ...]  # further remarks
+    # of each motion, under the problems that judge it; none of an arm at rest
     sections: tuple[tuple[LimitedSection, ...], ...] = ()
+    # the tool's executed paths, beside the first trajectory; None: none
     executed: ExecutedPaths | None = None
 
     @property
@@ -295,19 +255,12 @@ def _posed(
 
 @dataclass(frozen=True, eq=False)
 class MovedPart:
-    """A part that the tool takes or lets go, at T times.
+    """A part that the tool takes or lets go, at T times."""
 
-    Attributes:
-        name: Successive parts may share a name.
-        surface: In its own frame.
-        poses: Of its frame, base frame, shape (T, 4, 4).
-        present: True while it is there, shape (T,).
-    """
-
-    name: str
-    surface: Surface
-    poses: FloatArray
-    present: BoolArray
+    name: str  # successive parts may share a name
+    surface: Surface  # in its own frame
+    poses: FloatArray  # of its frame, base frame, shape (T, 4, 4)
+    present: BoolArray  # True while it is there, shape (T,)
 
     def carry(self, first: int, tool: FloatArray) -> None:
         """Move the part with the tool frame, shape (T, 4, 4), from a time's index on."""

@@ -30,16 +30,12 @@ _bounds = native_function(
 
 @dataclass(frozen=True, eq=False)
 class LeastClearance:
-    """The pair of shapes with the least clearance, in N configurations.
+    """The pair of shapes with the least clearance, in N configurations."""
 
-    Attributes:
-        clearance: Distance of the pair less the required one, negative where too close, shape (N,)
-            [m]; infinite where no pair is near.
-        pair: Index of the pair, shape (N,).
-    """
-
+    # distance of the pair less the required one, negative where too close, shape (N,) [m]; infinite
+    # where no pair is near
     clearance: FloatArray
-    pair: IntArray
+    pair: IntArray  # index of the pair, shape (N,)
 
 
 class PairClearance:
@@ -191,21 +187,14 @@ _ENOUGH = 48  # collisions that end a search
 
 @dataclass(frozen=True, eq=False)
 class CounterexampleSearch:
-    """The result of a counterexample search in a set.
+    """The result of a counterexample search in a set."""
 
-    Attributes:
-        q: Configurations in which links are too close, shape (C, n); empty if there was none.
-        pair: The pair of shapes that is too close in each, shape (C,).
-        least_clearance: The least clearance of all samples [m]; infinite if no pair came near.
-        samples: Number of configurations tested.
-        tried: Number of configurations drawn; some do not reach their tool pose.
-    """
-
+    # configurations in which links are too close, shape (C, n); empty if there was none
     q: FloatArray
-    pair: IntArray
-    least_clearance: float
-    samples: int
-    tried: int
+    pair: IntArray  # the pair of shapes that is too close in each, shape (C,)
+    least_clearance: float  # the least clearance of all samples [m]; infinite if no pair came near
+    samples: int  # number of configurations tested
+    tried: int  # number of configurations drawn; some do not reach their tool pose
 
     @property
     def failed(self) -> bool:

@@ -22,21 +22,14 @@ _WITHIN = 0.999  # of a bound: targets stay inside, so that rounding does not en
 
 @dataclass(frozen=True, eq=False)
 class ConfigurationSet:
-    """The configurations that a segment allows.
+    """The configurations that a segment allows."""
 
-    Attributes:
-        problem: The problem, of which the arm and the tube's reference points and rotations count.
-        segment: Index of the segment.
-        lower: Lower joint bounds, shape (n,) [rad or m].
-        upper: Upper joint bounds, likewise.
-        radius: Largest distance of the tool centre point from the segment [m].
-    """
-
+    # the problem, of which the arm and the tube's reference points and rotations count
     problem: PlanningProblem
-    segment: int
-    lower: FloatArray
-    upper: FloatArray
-    radius: float
+    segment: int  # index of the segment
+    lower: FloatArray  # lower joint bounds, shape (n,) [rad or m]
+    upper: FloatArray  # upper joint bounds, likewise
+    radius: float  # largest distance of the tool centre point from the segment [m]
 
     def is_as(self, other: "ConfigurationSet") -> bool:
         """Return True if another set of the same segment has the same bounds."""

@@ -218,23 +218,14 @@ _FREE_BRANCHES = 2  # free branches that are measured at most; the best counts
 
 @dataclass(frozen=True, eq=False)
 class PatternRow:
-    """A sign pattern in a segment.
+    """A sign pattern in a segment."""
 
-    Attributes:
-        segment: Index of the segment.
-        signs: "+" or "-" by joint name.
-        reachable: True if the arm can follow the centre line with these signs.
-        free: True if the arm can do so without a collision.
-        radius: The best radius of a rough measurement [m]; None unless free.
-        message: The reason, where the pattern is not free.
-    """
-
-    segment: int
-    signs: Mapping[str, str]
-    reachable: bool
-    free: bool
-    radius: float | None
-    message: str
+    segment: int  # index of the segment
+    signs: Mapping[str, str]  # "+" or "-" by joint name
+    reachable: bool  # True if the arm can follow the centre line with these signs
+    free: bool  # True if the arm can do so without a collision
+    radius: float | None  # the best radius of a rough measurement [m]; None unless free
+    message: str  # the reason, where the pattern is not free
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""

@@ -38,15 +38,10 @@ MAX_CORNER_SEGMENTS = 40
 
 @dataclass(frozen=True, eq=False)
 class PlannedTube:
-    """A problem with its tube, and the certified plan.
+    """A problem with its tube, and the certified plan."""
 
-    Attributes:
-        problem: The problem with the tube.
-        result: The plan.
-    """
-
-    problem: PlanningProblem
-    result: PlanResult
+    problem: PlanningProblem  # the problem with the tube
+    result: PlanResult  # the plan
 
     @property
     def duration(self) -> float:

@@ -87,17 +87,12 @@ class RouteOptions:
 
 @dataclass(frozen=True, eq=False)
 class RouteCandidate:
-    """A route whose tool goes straight between few reference points.
+    """A route whose tool goes straight between few reference points."""
 
-    Attributes:
-        space: The free configurations.
-        corners: Reference points, and configurations between.
-        joint_time: The least time of the joints at their velocity limits [s]; joints without a
-            limit count with 1 rad/s or 1 m/s.
-    """
-
-    space: FreeSpace
-    corners: ToolCorners
+    space: FreeSpace  # the free configurations
+    corners: ToolCorners  # reference points, and configurations between
+    # the least time of the joints at their velocity limits [s]; joints without a limit count with 1
+    # rad/s or 1 m/s
     joint_time: float
 
 

@@ -201,16 +201,12 @@ _MIN_DISTANCE = 1e-3  # [m] between neighbouring reference points
 
 @dataclass(frozen=True, eq=False)
 class ToolCorners:
-    """Reference points, and configurations along the straight lines between.
+    """Reference points, and configurations along the straight lines between."""
 
-    Attributes:
-        points: Shape (m+1, 3) [m].
-        lines: Per segment, configurations from its start to its end, shape (P_k, n).
-        parts: Per segment, the samples of the route that the line replaces, shape (R_k, n).
-    """
-
-    points: FloatArray
+    points: FloatArray  # shape (m+1, 3) [m]
+    # per segment, configurations from its start to its end, shape (P_k, n)
     lines: tuple[FloatArray, ...]
+    # per segment, the samples of the route that the line replaces, shape (R_k, n)
     parts: tuple[FloatArray, ...]
 
 

@@ -73,17 +73,12 @@ class MeasureOptions:
 
 @dataclass(frozen=True, eq=False)
 class Binding:
-    """The collision that bounds a radius or a side of a joint range.
+    """The collision that bounds a radius or a side of a joint range."""
 
-    Attributes:
-        bound: "radius", or "lower" or "upper" side of the joint's range.
-        location: Links and obstacle that come too close, the joint, and where the tool is then.
-        configuration: The configuration of the collision, shape (n,) [rad or m].
-    """
-
-    bound: str
+    bound: str  # "radius", or "lower" or "upper" side of the joint's range
+    # links and obstacle that come too close, the joint, and where the tool is then
     location: Location
-    configuration: FloatArray
+    configuration: FloatArray  # the configuration of the collision, shape (n,) [rad or m]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""

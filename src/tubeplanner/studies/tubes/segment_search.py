@@ -39,14 +39,10 @@ _FIRST_DRAWS, _LATER_DRAWS = 200, 60
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """The extents of a box in c directions, and the points that end it.
+    """The extents of a box in c directions, and the points that end it."""
 
-    Attributes:
-        extent: Shape (c,).
-        blocker: Index of the point that ends the box in each direction, -1 for none, shape (c,).
-    """
-
-    extent: FloatArray
+    extent: FloatArray  # shape (c,)
+    # index of the point that ends the box in each direction, -1 for none, shape (c,)
     blocker: IntArray
 
     @property
@@ -149,39 +145,27 @@ JointBounds: TypeAlias = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class SetPreferences:
-    """The trade between radius and joint ranges of a set.
+    """The trade between radius and joint ranges of a set."""
 
-    Attributes:
-        needed: Extents beyond the branch that a fast trajectory needs, shape (1 + 2n,); a little
-            more is enough. None: not known, and no radius is enough.
-        radius_worth: Weight of the logarithm of the radius; that of every side of a range is 1.
-    """
-
+    # extents beyond the branch that a fast trajectory needs, shape (1 + 2n,); a little more is
+    # enough. None: not known, and no radius is enough.
     needed: FloatArray | None = None
+    # weight of the logarithm of the radius; that of every side of a range is 1
     radius_worth: float = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentSearch:
-    """The largest set found for a segment.
+    """The largest set found for a segment."""
 
-    Attributes:
-        allowed: The set.
-        box: Its extents beyond the branch in each direction, and the collisions that end it there.
-        preferences: The preferences it was searched with.
-        q: Collisions found during the search, shape (B, n); the blockers of the box.
-        pair: The pair of shapes that is too close in each, shape (B,).
-        last: The counterexample search that found nothing.
-        samples: Number of configurations tested by the counterexample searches of this search.
-    """
-
-    allowed: ConfigurationSet
+    allowed: ConfigurationSet  # the set
+    # its extents beyond the branch in each direction, and the collisions that end it there
     box: Box
-    preferences: SetPreferences
-    q: FloatArray
-    pair: IntArray
-    last: CounterexampleSearch
-    samples: int
+    preferences: SetPreferences  # the preferences it was searched with
+    q: FloatArray  # collisions found during the search, shape (B, n); the blockers of the box
+    pair: IntArray  # the pair of shapes that is too close in each, shape (B,)
+    last: CounterexampleSearch  # the counterexample search that found nothing
+    samples: int  # number of configurations tested by the counterexample searches of this search
 
 
 class CollisionBoxes:

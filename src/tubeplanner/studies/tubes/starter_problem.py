@@ -43,21 +43,13 @@ _TIME_LIMIT = 30.0  # of one try [s]
 
 @dataclass(frozen=True)
 class StarterProblem:
-    """A problem with a plan.
+    """A problem with a plan."""
 
-    Attributes:
-        info: The robot's description.
-        placeholders: Limits that the URDF lacks, to be replaced by the maker's.
-        problem: The problem.
-        result: Its plan.
-        reach: Largest distance of the tool from the first joint in typical configurations [m].
-    """
-
-    info: RobotInfo
-    placeholders: Placeholders
-    problem: PlanningProblem
-    result: PlanResult
-    reach: float
+    info: RobotInfo  # the robot's description
+    placeholders: Placeholders  # limits that the URDF lacks, to be replaced by the maker's
+    problem: PlanningProblem  # the problem
+    result: PlanResult  # its plan
+    reach: float  # largest distance of the tool from the first joint in typical configurations [m]
 
 
 def starter_problem(

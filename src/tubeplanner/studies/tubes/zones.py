@@ -46,26 +46,17 @@ _APART = 1e-6  # [m]: kept between a zone and the middle of a line where zones m
 
 @dataclass(frozen=True)
 class Controller:
-    """The rules by which a controller blends at corners.
+    """The rules by which a controller blends at corners."""
 
-    Attributes:
-        title: Maker and the name of its zone.
-        source: The assumptions, and their source.
-        unit: Of numbers, in metres; None where zones have names only.
-        half: True if a zone may not pass the middle of a line; else zones may not overlap.
-        blend: "parabola" where the maker says so, else only "triangle".
-        named: Zones by name [m].
-        prefix: Letters before a number of millimetres.
-        undefined: Beginnings of names whose path the maker does not define, and the remedies.
-    """
-
-    title: str
-    source: str
-    unit: float | None
-    half: bool
+    title: str  # maker and the name of its zone
+    source: str  # the assumptions, and their source
+    unit: float | None  # of numbers, in metres; None where zones have names only
+    half: bool  # True if a zone may not pass the middle of a line; else zones may not overlap
+    # "parabola" where the maker says so, else only "triangle"
     blend: Literal["parabola", "triangle"] = "triangle"
-    named: Mapping[str, float] = field(default_factory=dict)
-    prefix: str = ""
+    named: Mapping[str, float] = field(default_factory=dict)  # zones by name [m]
+    prefix: str = ""  # letters before a number of millimetres
+    # beginnings of names whose path the maker does not define, and the remedies
     undefined: Mapping[str, str] = field(default_factory=dict)
 
 
