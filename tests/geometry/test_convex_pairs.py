@@ -87,27 +87,6 @@ def test_closest_points_are_never_looser_than_those_of_fcl_and_their_own_proof(p
         np.testing.assert_allclose(along, distance, rtol=0, atol=1e-9)
 
 
-def test_the_least_room_is_that_of_all_pairs(placed):
-    native, _, rotation, position, *_ = placed
-    pairs, rows = native.pairs, np.arange(len(rotation))
-    every = np.tile(pairs, (len(rows), 1)), np.repeat(rows, len(pairs))
-    exact = native.closest_points(rotation, position, *every).distance.reshape(len(rows), -1)
-    required = np.random.default_rng(4).uniform(0, 0.02, len(pairs))
-    required[::7] = -np.inf if len(pairs) > 1 else 0.0
-    slack = np.where(required > -np.inf, exact - required, np.inf)
-    result = native.least_slack(rotation, position, pairs, required, NEAR)
-    least = slack.min(axis=1)
-    assert (least < NEAR).sum() > 10
-    none = least >= NEAR
-    assert ((result.pair[none] == -1) & (result.slack[none] == NEAR)).all()
-    proven = ~none & result.proven
-    np.testing.assert_allclose(result.slack[proven], least[proven], rtol=0, atol=2e-9)
-    np.testing.assert_array_equal(result.pair[proven], slack[proven].argmin(axis=1))
-    cores = exact + placed.radii(pairs)
-    assert (cores[rows, result.pair][~result.proven] < 1e-6).all()
-    assert not result.proven[(cores[:, required > -np.inf] < -1e-6).any(axis=1)].any()
-
-
 @pytest.mark.parametrize("near", [0.03, 0.0])
 def test_bounds_on_clearances_are_those_of_numpy(near, bundled):
     problem = bundled("ur5/over_the_wall")

@@ -199,7 +199,6 @@ def measure_pairs(count):
     shapes.separations_along(*poses, pairs, np.tile([1.0, 0.0, 0.0], (count, 1)), row)
     shapes.closest_points(*poses, pairs, row)
     shapes.near_distances(row, pairs, np.ones((count, count)), np.zeros((count, count)))
-    shapes.least_slack(*poses, pairs, np.zeros(count), 1.0)
 
 
 def small_programs():

@@ -10,11 +10,11 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.geometry.convex_shapes import BoundingBoxes, ConvexShape, bounding_boxes
 from tubeplanner.geometry.distances import ClosestPoints, PlacedShapes
 from tubeplanner.native.library import Bytes, Doubles, Integers, native_function
@@ -35,11 +35,6 @@ _closest_points = native_function(
 _near_distances = native_function(
     "tubeplanner_near_distances", *_POSES, _SIZE, _SIZE, Integers, *(Doubles,) * 4, Bytes
 )
-_least_slack = native_function(
-    "tubeplanner_least_room",
-    *(*_POSES, _SIZE, _SIZE, Integers, Doubles, ctypes.c_double),
-    *(Doubles, Doubles, Doubles, Integers, Bytes),
-)
 IS_NATIVE = _sphere_gaps is not None
 _MULTIPLE = 4  # numbers that a processor takes at once: shapes' points are padded to multiples
 # Without the native library configurations are visited coarse to fine, with these strides: a
@@ -54,15 +49,6 @@ class BodyShape:
     owner: str  # name of the link or obstacle
     body: int  # index of the robot's body that carries it; 0 is fixed
     shape: ConvexShape  # in the body's frame
-
-
-class LeastSlack(NamedTuple):
-    """The pair with the least slack beyond its required distance, in N configurations."""
-
-    slack: FloatArray  # the slack, (N,) [m]: exact if proven, `near` where no pair has less
-    pair: IntArray  # index of the pair, (N,); -1: none has less than `near`
-    # True where the slack is proven, (N,); else the pair overlaps or all but touches
-    proven: BoolArray
 
 
 class _PlacedShapes(threading.local):
@@ -282,32 +268,6 @@ class BodyShapes:
                 )
             before = stride
         return bound
-
-    def least_slack(
-        self,
-        rotation: FloatArray,
-        position: FloatArray,
-        pairs: IntArray,
-        required: FloatArray,
-        near: float,
-    ) -> LeastSlack | None:
-        """Return the pair with the least slack beyond its required distance in each configuration.
-
-        Neighbouring configurations best follow each other. A pair with `required` (P,) [m] of -inf
-        does not count, nor do pairs whose slack is more than `near` [m]. A pair that overlaps or
-        all but touches, whose depth `closest_points` measures, ends the search in its
-        configuration. None without the native library.
-        """
-        if self._native is None:
-            return None
-        count = len(rotation)
-        slack, pair, unproven = np.empty(count), np.empty(count, np.int64), np.empty(count, bool)
-        self._native.call(
-            _least_slack, rotation, position, count, len(pairs), _integers(pairs),
-            np.ascontiguousarray(required, dtype=np.float64), near, self._workspace(),
-            np.zeros((len(pairs), 3)), slack, pair, unproven,
-        )  # fmt: skip
-        return LeastSlack(slack, pair, ~unproven)
 
     def distance_gradient(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray, closest: ClosestPoints

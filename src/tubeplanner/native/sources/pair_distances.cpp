@@ -181,36 +181,3 @@ TUBEPLANNER_API void tubeplanner_near_distances(const Shapes* shapes, integer bo
         }
     }
 }
-
-// The pair with the least distance beyond its own required one, in each configuration, where that
-// is less than `near`; a pair whose distance is not proven ends the search there.
-TUBEPLANNER_API void tubeplanner_least_room(const Shapes* shapes, integer bodies,
-                                            const double* rotation, const double* position,
-                                            integer rows, integer count, const integer* pairs,
-                                            const double* required, double near, double* centers,
-                                            double* direction, double* room, integer* least,
-                                            bool* open) {
-    const Poses poses{bodies, rotation, position};
-    for (integer row = 0; row < rows; row++) {
-        place_centers(*shapes, poses, row, centers);
-        const integer before = row ? least[row - 1] : count ? 0 : -1;
-        room[row] = near, least[row] = -1, open[row] = false;
-        // The pair that was nearest in the configuration before comes first.
-        for (integer k = before < 0 ? 0 : -1; k < count && !open[row]; k++) {
-            const integer p = k < 0 ? before : k, *ids = pairs + 2 * p;
-            if (k == before) continue;
-            const double *one = centers + 3 * ids[0], *other = centers + 3 * ids[1];
-            const double enough = room[row] + required[p];
-            if (sphere_gap(*shapes, ids, one, other) >= enough) continue;
-            // How deep shapes overlap boxes do not tell.
-            const double boxes = box_gap(*shapes, poses, row, ids, one, other);
-            if (boxes > 0 && boxes >= enough) continue;
-            const double grown = radii(*shapes, ids);
-            const Closest found =
-                closest_of(*shapes, poses, row, ids, direction + 3 * p, enough + grown);
-            const double left = found.lower - grown - required[p];
-            if (left >= room[row]) continue;
-            room[row] = left, least[row] = p, open[row] = !is_proven(found);
-        }
-    }
-}
