@@ -10,25 +10,11 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.certificate.clearance_conditions import (
-    clearance_margin,
-    judge_obstacles,
-    judge_self_collision,
-)
-from tubeplanner.certificate.effort_conditions import (
-    judge_effort,
-    judge_effort_rate,
-    judge_motor_curve,
-)
-from tubeplanner.certificate.joint_conditions import (
-    judge_continuity,
-    judge_goal,
-    judge_joint_signs,
-    judge_position,
-    judge_rate,
-    judge_rest,
-    judge_start,
-    judge_velocity,
+from tubeplanner.certificate import (
+    clearance_conditions,
+    effort_conditions,
+    joint_conditions,
+    tool_conditions,
 )
 from tubeplanner.certificate.judged_motion import (
     FOR_ALL_TIMES,
@@ -40,14 +26,6 @@ from tubeplanner.certificate.judged_motion import (
 )
 from tubeplanner.certificate.other_speeds import Braking, OtherSpeeds, SlowerRun
 from tubeplanner.certificate.segment_margins import MarginMaker
-from tubeplanner.certificate.tool_conditions import (
-    judge_point_speed,
-    judge_points,
-    judge_rotation,
-    judge_tool_speed,
-    judge_tube,
-    tool_speed_margin,
-)
 from tubeplanner.certificate.tube_visits import Visit
 from tubeplanner.checks import checked_options
 from tubeplanner.errors import FormerName, ProblemError, TrajectoryError, shown
@@ -65,31 +43,34 @@ from tubeplanner.trajectory.parts import part_of
 # The conditions of a certificate in its order, and the function that judges each.
 JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyType(
     {
-        "position": judge_position,
-        "velocity": judge_velocity,
-        "acceleration": partial(judge_rate, "acceleration"),
-        "jerk": partial(judge_rate, "jerk"),
-        "effort": judge_effort,
-        "motor_curve": judge_motor_curve,
-        "effort_rate": judge_effort_rate,
-        "tool_speed": judge_tool_speed,
-        "point_speed": judge_point_speed,
-        "tube": judge_tube,
-        "joint_signs": judge_joint_signs,
-        "rotation": judge_rotation,
-        "points": judge_points,
-        "start": judge_start,
-        "goal": judge_goal,
-        "rest": judge_rest,
-        "continuity": judge_continuity,
-        "obstacles": judge_obstacles,
-        "self_collision": judge_self_collision,
+        "position": joint_conditions.judge_position,
+        "velocity": joint_conditions.judge_velocity,
+        "acceleration": partial(joint_conditions.judge_rate, "acceleration"),
+        "jerk": partial(joint_conditions.judge_rate, "jerk"),
+        "effort": effort_conditions.judge_effort,
+        "motor_curve": effort_conditions.judge_motor_curve,
+        "effort_rate": effort_conditions.judge_effort_rate,
+        "tool_speed": tool_conditions.judge_tool_speed,
+        "point_speed": tool_conditions.judge_point_speed,
+        "tube": tool_conditions.judge_tube,
+        "joint_signs": joint_conditions.judge_joint_signs,
+        "rotation": tool_conditions.judge_rotation,
+        "points": tool_conditions.judge_points,
+        "start": joint_conditions.judge_start,
+        "goal": joint_conditions.judge_goal,
+        "rest": joint_conditions.judge_rest,
+        "continuity": joint_conditions.judge_continuity,
+        "obstacles": clearance_conditions.judge_obstacles,
+        "self_collision": clearance_conditions.judge_self_collision,
     }
 )
 CONDITION_NAMES = tuple(JUDGED)
 # Margins of segments, beside those of tool and joints, by which switching times are chosen.
 # Of a failed trajectory in turn: a slower run mends the speed, and nothing else.
-SEGMENT_MARGINS: tuple[MarginMaker, ...] = (clearance_margin, tool_speed_margin)
+SEGMENT_MARGINS: tuple[MarginMaker, ...] = (
+    clearance_conditions.clearance_margin,
+    tool_conditions.tool_speed_margin,
+)
 _OF_SEGMENTS = (
     *("tool_speed", "tube", "joint_signs", "rotation", "points"),
     *("obstacles", "self_collision"),

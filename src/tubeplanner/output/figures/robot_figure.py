@@ -9,16 +9,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle
-from tubeplanner.output.drawing import (
-    CARRIED_COLOR,
-    LINE_COLORS,
-    OBSTACLE_COLOR,
-    REFERENCE_COLOR,
-    Surface,
-    best_direction,
-    rgb,
-    shape_surface,
-)
+from tubeplanner.output import drawing
 from tubeplanner.output.figures.figure_files import new_figure, saved
 from tubeplanner.output.link_visuals import carried_surfaces, link_parts
 from tubeplanner.robot.model import RobotModel
@@ -29,7 +20,7 @@ if TYPE_CHECKING:
 _MAX_FACES = 12_000
 _AXIS_LENGTH = 0.09  # of the drawn frames, fraction of the picture's size
 _SAME_PLACE = 0.01  # frames nearer than this fraction have one label
-_AXIS_COLORS = (LINE_COLORS[1], LINE_COLORS[2], LINE_COLORS[0])  # x, y, z
+_AXIS_COLORS = (drawing.LINE_COLORS[1], drawing.LINE_COLORS[2], drawing.LINE_COLORS[0])  # x, y, z
 _ARM_ALPHA, _REST_ALPHA = 0.35, 0.1
 _ZOOM = 0.93  # leaves space for the axes' labels
 _MAX_LABEL = 44  # [characters]
@@ -72,9 +63,9 @@ def plot_robot(
     figure.set_layout_engine("none")  # columns of names stand beside the axes
     figure.suptitle(f"{robot.name}: {robot.joint_count} joints to {robot.tool_frame}", fontsize=13)
     axis = figure.add_axes((0.14, 0.05, 0.72, 0.89), projection="3d")
-    carried, gray = rgb(CARRIED_COLOR), rgb(OBSTACLE_COLOR)
+    carried, gray = drawing.rgb(drawing.CARRIED_COLOR), drawing.rgb(drawing.OBSTACLE_COLOR)
     solids = [(body, surface, carried) for body, _, surface in carried_surfaces(robot, attached)]
-    shapes = (shape_surface(shape) for each in obstacles for shape in each.shapes)
+    shapes = (drawing.shape_surface(shape) for each in obstacles for shape in each.shapes)
     solids += [(0, surface, gray) for surface in shapes]
     points = [_draw_links(axis, robot, rotation, position, solids)]
     links = _chain_links(robot)
@@ -88,12 +79,12 @@ def plot_robot(
     low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
     size = float((high - low).max())
     frames = _frames(links, poses, _SAME_PLACE * size)
-    axis.plot(*origins.T, color=REFERENCE_COLOR, linewidth=1.2)
+    axis.plot(*origins.T, color=drawing.REFERENCE_COLOR, linewidth=1.2)
     for frame in frames:
         for column, color in enumerate(_AXIS_COLORS):
             end = frame.origin + _AXIS_LENGTH * size * frame.rotation[:, column]
             axis.plot(*np.column_stack([frame.origin, end]), color=color, linewidth=2)
-    _frame_picture(axis, low, high, best_direction(origins, ()))
+    _frame_picture(axis, low, high, drawing.best_direction(origins, ()))
     figure.canvas.draw()  # places the projection
     _name_frames(figure, axis, frames)
     for number, (name, color) in enumerate(zip("xyz", _AXIS_COLORS, strict=True)):
@@ -106,7 +97,7 @@ def _draw_links(
     robot: RobotModel,
     rotation: FloatArray,
     position: FloatArray,
-    solids: Sequence[tuple[int, Surface, FloatArray]],
+    solids: Sequence[tuple[int, drawing.Surface, FloatArray]],
 ) -> FloatArray:
     """Draw all links, and solids by body and colour; return the vertices (N, 3) [m].
 
@@ -201,7 +192,7 @@ def _name_frames(figure: "Figure", axis: Any, frames: Sequence[_Frame]) -> None:
                 ha=side,
                 va="center",
                 fontsize=9,
-                arrowprops={"arrowstyle": "-", "color": REFERENCE_COLOR, "linewidth": 0.7},
+                arrowprops={"arrowstyle": "-", "color": drawing.REFERENCE_COLOR, "linewidth": 0.7},
                 bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
                 annotation_clip=False,
             )

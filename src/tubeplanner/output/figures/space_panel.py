@@ -10,23 +10,8 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.geometry.convex_shapes import convex_hull
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle
 from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.output import drawing
 from tubeplanner.output.curves import segments_per_group
-from tubeplanner.output.drawing import (
-    ARM_COLOR,
-    CARRIED_COLOR,
-    GRIPPER_COLOR,
-    OBSTACLE_COLOR,
-    REFERENCE_COLOR,
-    best_direction,
-    clipped,
-    coarse_hull_points,
-    joined,
-    pipe,
-    rgb,
-    segment_color,
-    shape_surface,
-    tube_surfaces,
-)
 from tubeplanner.output.figures.rendering import RenderedSolid, SpaceView, rendered
 from tubeplanner.output.link_visuals import carried_surfaces, link_parts
 from tubeplanner.robot.model import RobotModel
@@ -96,14 +81,14 @@ def _direction(
         return _FROM_ABOVE
     points = np.vstack([content.path, *(tube.points for tube, _ in content.tubes)])
     shapes = [shape for obstacle in content.obstacles for shape in obstacle.shapes]
-    hulls = [convex_hull(coarse_hull_points(solid.surface.vertices)) for solid in arm]
-    return best_direction(points, shapes, [hulls])
+    hulls = [convex_hull(drawing.coarse_hull_points(solid.surface.vertices)) for solid in arm]
+    return drawing.best_direction(points, shapes, [hulls])
 
 
 def _draw_lines(axis: "Axes", view: SpaceView, content: SpaceContent) -> None:
     """Draw the path of the tool, with its ends marked, and the lines of the tubes."""
     for tube, color in content.tubes:
-        style: dict[str, Any] = {"color": color or REFERENCE_COLOR, "linewidth": 1.0}
+        style: dict[str, Any] = {"color": color or drawing.REFERENCE_COLOR, "linewidth": 1.0}
         axis.plot(*view.on_page(tube.points).T, linestyle="--", zorder=3, **style)
     page = view.on_page(content.path)
     axis.plot(*page.T, color="white", linewidth=4.0, alpha=0.8, zorder=3)
@@ -119,18 +104,18 @@ def _draw_legend(axis: "Axes", content: SpaceContent, solids: Sequence[RenderedS
 
     handles, _ = axis.get_legend_handles_labels()
     names = {
-        ARM_COLOR: f"arm, strong {'at the goal' if content.strong else 'at the start'}",
-        GRIPPER_COLOR: "gripper",
-        CARRIED_COLOR: "carried",
-        OBSTACLE_COLOR: "obstacles",
+        drawing.ARM_COLOR: f"arm, strong {'at the goal' if content.strong else 'at the start'}",
+        drawing.GRIPPER_COLOR: "gripper",
+        drawing.CARRIED_COLOR: "carried",
+        drawing.OBSTACLE_COLOR: "obstacles",
     }
     drawn = {tuple(solid.color) for solid in solids}
     if any(content.carried):
-        drawn.add(tuple(rgb(CARRIED_COLOR)))
+        drawn.add(tuple(drawing.rgb(drawing.CARRIED_COLOR)))
     handles += [
         Patch(color=color, label=name)
         for color, name in names.items()
-        if tuple(rgb(color)) in drawn
+        if tuple(drawing.rgb(color)) in drawn
     ]
     below = -0.16 if axis.axison else 0.0  # the numbers of its axes
     options: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, below), "ncols": 4}
@@ -159,13 +144,15 @@ def arm_solids(
         # The gripper is fixed to the link that the last joint before the tool moves.
         offset = abs(robot.link_placement[part.link] - np.eye(4)).max()
         is_gripper = robot.link_body[part.link] == tool_body and offset > _FIRST_LINK
-        links.append((part.body, part.surface, GRIPPER_COLOR if is_gripper else ARM_COLOR))
+        links.append(
+            (part.body, part.surface, drawing.GRIPPER_COLOR if is_gripper else drawing.ARM_COLOR)
+        )
     rotation, position = robot.body_poses(q)
     solids = []
     for k in [*(k for k in range(len(q)) if k != strong), strong]:
         pale = 0.0 if k == strong else _PALE
         parts_carried = [
-            (body, surface, CARRIED_COLOR)
+            (body, surface, drawing.CARRIED_COLOR)
             for body, _, surface in carried_surfaces(robot, carried[k])
         ]
         for body, surface, color in [*links, *parts_carried]:
@@ -173,7 +160,7 @@ def arm_solids(
                 continue
             placement = np.eye(4)
             placement[:3, :3], placement[:3, 3] = rotation[k, body], position[k, body]
-            mixed = (1 - pale) * rgb(color) + pale
+            mixed = (1 - pale) * drawing.rgb(color) + pale
             solids.append(RenderedSolid(surface.moved(placement), mixed))
     return solids
 
@@ -186,7 +173,9 @@ def obstacle_solids(
     Obstacles larger than the box, with corners (3,) [m], are cut, at its sides or at the end of
     the outermost other.
     """
-    surfaces = [(each.name, joined(map(shape_surface, each.shapes))) for each in obstacles]
+    surfaces = [
+        (each.name, drawing.joined(map(drawing.shape_surface, each.shapes))) for each in obstacles
+    ]
     size = float((high - low).max())
     beside = _BESIDE * size
     near = [
@@ -202,14 +191,14 @@ def obstacle_solids(
     solids = []
     for name, surface in near:
         is_part = name in handed_over
-        color = rgb(CARRIED_COLOR if is_part else OBSTACLE_COLOR)
+        color = drawing.rgb(drawing.CARRIED_COLOR if is_part else drawing.OBSTACLE_COLOR)
         alpha = 1.0 if is_part else _OBSTACLE_ALPHA
         for k in range(3):
             for sign, end in ((1.0, low[k]), (-1.0, high[k])):
                 inside = sign * (surface.vertices[:, k] - end)
                 if (inside < 0).any():
-                    surface = clipped(surface, inside)
-        part = joined([surface])
+                    surface = drawing.clipped(surface, inside)
+        part = drawing.joined([surface])
         if len(part.faces):
             solids.append(RenderedSolid(part, color, alpha, has_edges=True))
     return solids
@@ -223,18 +212,18 @@ def tube_solids(tube: Tube, colors: Sequence[str] | None = None) -> list[Rendere
     step = segments_per_group(tube.segment_count)
     groups = range(0, tube.segment_count, step)
     if colors is None:
-        colors = [segment_color(k) for k in range(len(groups))]
+        colors = [drawing.segment_color(k) for k in range(len(groups))]
     if step == 1:
-        surfaces = tube_surfaces(tube)
+        surfaces = drawing.tube_surfaces(tube)
     else:
         # Hundreds of translucent capsules in one another would be an opaque lump.
         ends = [(first, min(first + step, tube.segment_count)) for first in groups]
         surfaces = [
-            pipe(tube.points[a : b + 1], float(tube.effective_radius[a:b].min()))[0]
+            drawing.pipe(tube.points[a : b + 1], float(tube.effective_radius[a:b].min()))[0]
             for a, b in ends
         ]
     return [
-        RenderedSolid(surface, rgb(color), _TUBE_ALPHA)
+        RenderedSolid(surface, drawing.rgb(color), _TUBE_ALPHA)
         for surface, color in zip(surfaces, colors, strict=True)
     ]
 

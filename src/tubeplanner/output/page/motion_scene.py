@@ -12,27 +12,8 @@ from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.orientation import rotation_matrix
+from tubeplanner.output import drawing
 from tubeplanner.output.curves import LimitedSection, limited_sections, tube_name
-from tubeplanner.output.drawing import (
-    AXIS_COLORS,
-    CARRIED_COLOR,
-    CONE_COLOR,
-    OBSTACLE_COLOR,
-    REFERENCE_COLOR,
-    SWEPT_COLOR,
-    Surface,
-    dashes,
-    directions,
-    goal_ball,
-    hull_surface,
-    joined,
-    pipe,
-    rgb,
-    segment_color,
-    shape_surface,
-    speed_colors,
-    tube_surfaces,
-)
 from tubeplanner.output.execution_curves import BESIDE_EXECUTED, motion_paths
 from tubeplanner.output.link_visuals import (
     MAX_FACES,
@@ -132,7 +113,7 @@ def build_scene(
         items += solid_items(i, links, [*in_hand, *bodies])
         items += [*cell.items(i, thickness), *obstacle_items(i, cell.obstacles)]
         items += tool_items(i, each, robot, width, fastest)
-        space = Item(Layer.SWEPT, i, "links", swept[i], rgb(SWEPT_COLOR), 0.22)
+        space = Item(Layer.SWEPT, i, "links", swept[i], drawing.rgb(drawing.SWEPT_COLOR), 0.22)
         last = [orientation, [space] * (each.duration > 0)]
         items += [item for group in (last[::-1] if is_cycle else last) for item in group]
     return Scene(
@@ -169,7 +150,7 @@ class _Cell:
     """What stands about an arm."""
 
     tubes: Sequence[Tube]  # all tubes
-    surfaces: Sequence[Surface]  # of the tubes
+    surfaces: Sequence[drawing.Surface]  # of the tubes
     obstacles: Sequence[Obstacle]  # obstacles that nobody moves
     # function from a motion's index and the radius of lines [m] to the items of tubes, reference
     # paths and goals
@@ -177,13 +158,13 @@ class _Cell:
 
 
 def _problem_cell(problem: PlanningProblem) -> _Cell:
-    surfaces = [] if problem.tube.is_anywhere else tube_surfaces(problem.tube)
+    surfaces = [] if problem.tube.is_anywhere else drawing.tube_surfaces(problem.tube)
     items = partial(_problem_items, problem, surfaces)
     return _Cell([problem.tube], surfaces, problem.obstacles, items)
 
 
 def _problem_items(
-    problem: PlanningProblem, tube: list[Surface], i: int, thickness: float
+    problem: PlanningProblem, tube: list[drawing.Surface], i: int, thickness: float
 ) -> list[Item]:
     """Return the tube in the colours of its segments, its reference path and its goal.
 
@@ -191,36 +172,42 @@ def _problem_items(
     """
     items = []
     for k, surface in enumerate(tube):
-        color, is_smooth = rgb(segment_color(k)), not problem.tube.is_box[k]
+        color, is_smooth = drawing.rgb(drawing.segment_color(k)), not problem.tube.is_box[k]
         items.append(Item(Layer.TUBE, i, f"segment_{k}", surface, color, 0.3, is_smooth=is_smooth))
-    goal = [(ball, _BALL_OPACITY) for ball in goal_ball(problem.endpoints[1])]
+    goal = [(ball, _BALL_OPACITY) for ball in drawing.goal_ball(problem.endpoints[1])]
     if tube:
         items.append(reference_item(i, "path", problem.tube.points, thickness))
     elif problem.goal is not None:
-        point = problem.tube.points[-1] + 1.8 * thickness * directions(_BALL_POINTS)
-        goal.append((hull_surface(point), 1.0))
+        point = problem.tube.points[-1] + 1.8 * thickness * drawing.directions(_BALL_POINTS)
+        goal.append((drawing.hull_surface(point), 1.0))
     for k, (ball, opacity) in enumerate(goal):
         name = "goal" + f"_{k}" * (k > 0)
-        items.append(Item(Layer.REFERENCE, i, name, ball, rgb(REFERENCE_COLOR), opacity))
+        items.append(
+            Item(Layer.REFERENCE, i, name, ball, drawing.rgb(drawing.REFERENCE_COLOR), opacity)
+        )
     return items
 
 
 def _cycle_cell(cycle: Cycle) -> _Cell:
     tubes = [move.tube for leg in cycle.legs for move in leg.moves]
-    surfaces = [joined(tube_surfaces(tube)) for tube in tubes]
+    surfaces = [drawing.joined(drawing.tube_surfaces(tube)) for tube in tubes]
     moved = handed_over(cycle)
     standing = [each for each in cycle.obstacles if each.name not in moved]
     return _Cell(tubes, surfaces, standing, partial(_cycle_items, cycle, surfaces))
 
 
-def _cycle_items(cycle: Cycle, tubes: list[Surface], i: int, thickness: float) -> list[Item]:
+def _cycle_items(
+    cycle: Cycle, tubes: list[drawing.Surface], i: int, thickness: float
+) -> list[Item]:
     """Return the tubes of moves, in a colour each, their reference paths and goal balls."""
     items, moves = [], [move for leg in cycle.legs for move in leg.moves]
     for k, (move, surface) in enumerate(zip(moves, tubes, strict=True)):
-        items.append(Item(Layer.TUBE, i, tube_name(k), surface, rgb(segment_color(k)), 0.2))
+        items.append(
+            Item(Layer.TUBE, i, tube_name(k), surface, drawing.rgb(drawing.segment_color(k)), 0.2)
+        )
         items.append(reference_item(i, f"move_{k}", move.tube.points, thickness))
-        for ball in goal_ball(move.endpoint):
-            color = rgb(REFERENCE_COLOR)
+        for ball in drawing.goal_ball(move.endpoint):
+            color = drawing.rgb(drawing.REFERENCE_COLOR)
             items.append(Item(Layer.REFERENCE, i, f"goal_{k}", ball, color, _BALL_OPACITY))
     return items
 
@@ -234,28 +221,31 @@ _POINT_COLOR = "#111111"
 def solid_items(
     i: int,
     links: Iterable[LinkPart],
-    carried: Iterable[tuple[int, str, Surface]],
+    carried: Iterable[tuple[int, str, drawing.Surface]],
 ) -> Iterator[Item]:
     """Yield the links of an arm and the carried solids: bodies, names and surfaces."""
     for k, part in enumerate(links):
         color = np.array(part.color)
         yield Item(Layer.ARM, i, f"{part.link}/{k}", part.surface, color, 1, part.body)
     for body, name, surface in carried:
-        color = rgb(CARRIED_COLOR)
+        color = drawing.rgb(drawing.CARRIED_COLOR)
         yield Item(Layer.CARRIED, i, name, surface, color, 0.85, body, is_smooth=False)
 
 
 def obstacle_items(i: int, obstacles: Iterable[Obstacle]) -> Iterator[Item]:
     """Yield the obstacles."""
     for each in obstacles:
-        surface, color = joined(map(shape_surface, each.shapes)), rgb(OBSTACLE_COLOR)
+        surface, color = (
+            drawing.joined(map(drawing.shape_surface, each.shapes)),
+            drawing.rgb(drawing.OBSTACLE_COLOR),
+        )
         yield Item(Layer.OBSTACLES, i, each.name, surface, color, 0.55, is_smooth=False)
 
 
 def reference_item(trajectory: int, name: str, points: FloatArray, thickness: float) -> Item:
     """Return a dashed line through points (N, 3), for lines of a radius [m]."""
-    line = dashes(points, 0.45 * thickness, 10 * thickness)
-    return Item(Layer.REFERENCE, trajectory, name, line, rgb(REFERENCE_COLOR))
+    line = drawing.dashes(points, 0.45 * thickness, 10 * thickness)
+    return Item(Layer.REFERENCE, trajectory, name, line, drawing.rgb(drawing.REFERENCE_COLOR))
 
 
 def tool_items(
@@ -267,18 +257,18 @@ def tool_items(
     """
     body = robot.link_body[robot.tool_frame]
     center = (trajectory.tool[0] - trajectory.position[0, body]) @ trajectory.rotation[0, body]
-    point = hull_surface(center + 1.8 * thickness * directions(_BALL_POINTS))
-    items = [Item(Layer.TOOL, i, "point", point, rgb(_POINT_COLOR), 1.0, body)]
-    surface, owner = pipe(trajectory.tool, thickness)
+    point = drawing.hull_surface(center + 1.8 * thickness * drawing.directions(_BALL_POINTS))
+    items = [Item(Layer.TOOL, i, "point", point, drawing.rgb(_POINT_COLOR), 1.0, body)]
+    surface, owner = drawing.pipe(trajectory.tool, thickness)
     if len(owner):
         fraction = trajectory.speed[owner] / (fastest or 1.0)
-        items.append(Item(Layer.TOOL, i, "path", surface, speed_colors(fraction)))
+        items.append(Item(Layer.TOOL, i, "path", surface, drawing.speed_colors(fraction)))
     return items
 
 
 def swept_surface(
     trajectory: ShownTrajectory, hulls: list[tuple[int, FloatArray]], steps: int
-) -> Surface:
+) -> drawing.Surface:
     """Return the space swept by moving links: hulls of each in successive pairs of poses.
 
     The hulls are bodies with points (V, 3) of each.
@@ -291,8 +281,8 @@ def swept_surface(
         placements = [trajectory.placement(step, body) for step in np.unique(rows)]
         poses = [points @ placement[:3, :3].T + placement[:3, 3] for placement in placements]
         pairs = pairwise(poses) if len(poses) > 1 else [(poses[0],)]
-        pieces += [hull_surface(np.vstack(pair)) for pair in pairs]
-    return joined(pieces)
+        pieces += [drawing.hull_surface(np.vstack(pair)) for pair in pairs]
+    return drawing.joined(pieces)
 
 
 # ---- Orientation of the tool: its axes, and the cones that the tube allows for one of the axes.
@@ -334,13 +324,13 @@ def tool_orientation(
     bounds = [row for tube in tubes if tube.rotation for row in tube.rotation.bounds]
     body, placement = robot.link_body[robot.tool_frame], _tool_placement(robot)
     items = []
-    for axis, (name, color) in enumerate(zip(AXIS_NAMES, AXIS_COLORS, strict=True)):
+    for axis, (name, color) in enumerate(zip(AXIS_NAMES, drawing.AXIS_COLORS, strict=True)):
         line = _stick(axis, thickness, _AXIS_LENGTH * thickness).moved(placement)
-        items.append(Item(Layer.AXES, i, name, line, rgb(color), body=body))
+        items.append(Item(Layer.AXES, i, name, line, drawing.rgb(color), body=body))
     for axis in sorted({each for row in bounds if (each := cone_axis(row)) is not None}):
         line = _stick(axis, 0.6 * thickness, _POINTER_LENGTH * thickness).moved(placement)
         name = f"{POINTER}{AXIS_NAMES[axis]}"
-        items.append(Item(Layer.ROTATION, i, name, line, rgb(_POINTER_COLOR), body=body))
+        items.append(Item(Layer.ROTATION, i, name, line, drawing.rgb(_POINTER_COLOR), body=body))
     for k, cone in enumerate(cones):
         surface, carrier = _cone(cone.bounds, thickness), shown.rotation.shape[1] + k
         items.append(_cone_item(i, f"cone_{k}", surface, carrier))
@@ -349,8 +339,8 @@ def tool_orientation(
     return with_bodies(shown, cones), items
 
 
-def _cone_item(i: int, name: str, cone: Surface, body: int = 0) -> Item:
-    color = rgb(CONE_COLOR)
+def _cone_item(i: int, name: str, cone: drawing.Surface, body: int = 0) -> Item:
+    color = drawing.rgb(drawing.CONE_COLOR)
     return Item(Layer.ROTATION, i, name, cone, color, _CONE_OPACITY, body, is_smooth=False)
 
 
@@ -442,19 +432,19 @@ def cone_rim(bounds: FloatArray, axis: int) -> FloatArray:
     return points
 
 
-def _cone(bounds: FloatArray, thickness: float) -> Surface:
+def _cone(bounds: FloatArray, thickness: float) -> drawing.Surface:
     """Return the cone of bounds (4,) [rad], its tip at the origin of the reference."""
     axis = cone_axis(bounds)
     assert axis is not None
     points = np.vstack([np.zeros(3), _CONE_LENGTH * thickness * cone_rim(bounds, axis)])
     around = np.arange(1, _RIM_POINTS + 1)
     outside = np.column_stack([np.zeros_like(around), around, around + 1])
-    return Surface(points, np.vstack([outside, outside[:, ::-1]]))
+    return drawing.Surface(points, np.vstack([outside, outside[:, ::-1]]))
 
 
-def _stick(axis: int, thickness: float, length: float) -> Surface:
+def _stick(axis: int, thickness: float, length: float) -> drawing.Surface:
     """Return a line from the origin along an axis, of a radius and a length [m]."""
-    return pipe(np.array([np.zeros(3), length * np.eye(3)[axis]]), thickness)[0]
+    return drawing.pipe(np.array([np.zeros(3), length * np.eye(3)[axis]]), thickness)[0]
 
 
 def _tool_placement(robot: RobotModel) -> FloatArray:

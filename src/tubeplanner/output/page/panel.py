@@ -27,25 +27,8 @@ from tubeplanner.limits.binding_limits import (
 )
 from tubeplanner.limits.peaks import trajectory_peaks
 from tubeplanner.limits.rates import ToolSpeed
+from tubeplanner.output import drawing
 from tubeplanner.output.curves import LimitedSection, cycle_timeline, segments_per_group, size_of
-from tubeplanner.output.drawing import (
-    AXIS_COLORS,
-    BLOCKED_COLOR,
-    CARRIED_COLOR,
-    CLOSEST_COLOR,
-    CONE_COLOR,
-    END_COLOR,
-    EXECUTED_COLOR,
-    LINE_COLORS,
-    OBSTACLE_COLOR,
-    REFERENCE_COLOR,
-    SPEED_COLORS,
-    START_COLOR,
-    SWEPT_COLOR,
-    WARNING_COLOR,
-    goal_ball,
-    segment_color,
-)
 from tubeplanner.output.page.motion_scene import POINTER
 from tubeplanner.output.page.scene import Layer, Scene, ShownTrajectory, handed_over
 from tubeplanner.robot.model import RobotModel
@@ -62,15 +45,15 @@ _MAX_SEGMENTS_NAMED = 6
 _CURVE_STEPS = 400
 _HIDDEN = (Layer.AXES, Layer.SWEPT)  # when the page opens
 _USUAL_ENTRIES = {
-    Layer.AXES: [{"color": color, "text": ""} for color in AXIS_COLORS],
-    Layer.ROTATION: [{"color": CONE_COLOR, "text": ""}],
-    Layer.CARRIED: [{"color": CARRIED_COLOR, "text": ""}],
-    Layer.OBSTACLES: [{"color": OBSTACLE_COLOR, "text": ""}],
-    Layer.SWEPT: [{"color": SWEPT_COLOR, "text": ""}],
-    Layer.BLOCKED: [{"color": BLOCKED_COLOR, "text": ""}],
+    Layer.AXES: [{"color": color, "text": ""} for color in drawing.AXIS_COLORS],
+    Layer.ROTATION: [{"color": drawing.CONE_COLOR, "text": ""}],
+    Layer.CARRIED: [{"color": drawing.CARRIED_COLOR, "text": ""}],
+    Layer.OBSTACLES: [{"color": drawing.OBSTACLE_COLOR, "text": ""}],
+    Layer.SWEPT: [{"color": drawing.SWEPT_COLOR, "text": ""}],
+    Layer.BLOCKED: [{"color": drawing.BLOCKED_COLOR, "text": ""}],
     Layer.EXECUTED: [
-        {"color": EXECUTED_COLOR, "text": "in the tube"},
-        {"color": WARNING_COLOR, "text": "outside"},
+        {"color": drawing.EXECUTED_COLOR, "text": "in the tube"},
+        {"color": drawing.WARNING_COLOR, "text": "outside"},
     ],
 }
 
@@ -86,14 +69,14 @@ def panel_data(scene: Scene) -> dict[str, Any]:
     about = f"{task.robot.name}, {task.robot.joint_count} joints"
     if isinstance(task, Cycle):
         moves = [move for leg in task.legs for move in leg.moves]
-        balls = any(goal_ball(move.endpoint) for move in moves)
+        balls = any(drawing.goal_ball(move.endpoint) for move in moves)
         kind = "closed cycle" if task.closed else "cycle"
         about += f"; {kind} of {len(moves)} move{'s' * (len(moves) > 1)}"
         words[Layer.TUBE] = "Tubes of the moves (radius): the tool must stay inside"
         words[Layer.REFERENCE] = "Reference paths" + ", goals' balls" * balls
         entries = _move_entries(scene, moves)
     else:
-        balls = len(goal_ball(task.endpoints[1])) > 0
+        balls = len(drawing.goal_ball(task.endpoints[1])) > 0
         line = "Goal of the tool" if task.tube.is_anywhere else "Reference path"
         words[Layer.TUBE] = "Tube: the tool must stay inside"
         words[Layer.REFERENCE] = line + ", goal's ball" * balls
@@ -110,7 +93,7 @@ def _page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[s
     """Return the text of a page's overlay and the frame of its scene, as JSON values."""
     many = len(scene.trajectories) > 1
     trajectories = [
-        {**_trajectory_data(trajectory), "color": LINE_COLORS[i % len(LINE_COLORS)]}
+        {**_trajectory_data(trajectory), "color": drawing.LINE_COLORS[i % len(drawing.LINE_COLORS)]}
         for i, trajectory in enumerate(scene.trajectories)
     ]
     for sections, trajectory in zip(scene.sections, trajectories, strict=False):
@@ -150,13 +133,16 @@ def _moving_layers(scene: Scene, trajectories: Sequence[Mapping[str, Any]]) -> l
     ghosts = {
         "name": "ghosts",
         "label": "Arm at start, at end",
-        "entries": [{"color": START_COLOR, "text": ""}, {"color": END_COLOR, "text": ""}],
+        "entries": [
+            {"color": drawing.START_COLOR, "text": ""},
+            {"color": drawing.END_COLOR, "text": ""},
+        ],
         "visible": False,
     }
     closest = {
         "name": "closest",
         "label": "Closest pair and its distance",
-        "entries": [{"color": CLOSEST_COLOR, "text": ""}],
+        "entries": [{"color": drawing.CLOSEST_COLOR, "text": ""}],
         "visible": True,
     }
     has_pairs = any("clearance" in each for each in trajectories)
@@ -208,11 +194,11 @@ def _layer_data(
         "visible": layer not in _HIDDEN,
     }
     if layer is Layer.REFERENCE:
-        fields["dashed"] = REFERENCE_COLOR
+        fields["dashed"] = drawing.REFERENCE_COLOR
     if layer is Layer.TOOL and scene.duration > 0:
         top = scene.peak_speed
         ticks = ["0", f"{top / 2:.2f}", f"{top:.2f} m/s"]
-        fields["scale"] = {"colors": list(SPEED_COLORS), "ticks": ticks}
+        fields["scale"] = {"colors": list(drawing.SPEED_COLORS), "ticks": ticks}
     return fields
 
 
@@ -228,7 +214,7 @@ def _segment_entries(problem: PlanningProblem) -> list[dict[str, str]]:
     kinds = ["box" if is_box else "radius" for is_box in tube.is_box]
     numbers = range(min(len(radii), _MAX_SEGMENTS_NAMED))
     entries = [
-        {"color": segment_color(k), "text": f"segment {k}: {kinds[k]} {size_of(tube, k)}"}
+        {"color": drawing.segment_color(k), "text": f"segment {k}: {kinds[k]} {size_of(tube, k)}"}
         for k in numbers
     ]
     if len(radii) > len(numbers):
@@ -251,7 +237,7 @@ def _move_entries(scene: Scene, moves: Sequence[Move]) -> list[dict[str, str]]:
         low, high = f"{radii.min():.3g}", f"{radii.max():.3g}"
         size = f"{low} mm" if low == high else f"{low} to {high} mm"
         text = f"{move.name}: {size}{lasts}"
-        entries.append({"color": segment_color(k), "text": text})
+        entries.append({"color": drawing.segment_color(k), "text": text})
     return entries
 
 
@@ -284,7 +270,7 @@ def page_curves(sections: Sequence[LimitedSection], time: FloatArray) -> dict[st
 def row_color(name: str, joint_names: Sequence[str]) -> str:
     """Return the colour of a row of binding limits: of a joint, the tool or the links."""
     if name in joint_names:
-        return LINE_COLORS[joint_names.index(name) % len(LINE_COLORS)]
+        return drawing.LINE_COLORS[joint_names.index(name) % len(drawing.LINE_COLORS)]
     return _TOOL_COLOR if name == TOOL else _LINKS_COLOR
 
 
@@ -415,7 +401,7 @@ def segment_bands(section: LimitedSection) -> list[dict[str, Any]]:
         first, last = number * step, min((number + 1) * step, count) - 1
         name = f"segment {first}" if first == last else f"segments {first} to {last}"
         span = {"begin": float(time[a]), "end": float(time[b])}
-        bands.append({"name": name, **span, "color": segment_color(number)})
+        bands.append({"name": name, **span, "color": drawing.segment_color(number)})
     return bands
 
 
