@@ -9,6 +9,7 @@ from stored_trajectories import REFINEMENT, stored_path, stored_trajectory
 from tubeplanner import OptionError
 from tubeplanner.cli.check import CONTROLLERS, judged_by
 from tubeplanner.output.files.trajectory_writer import write_cycle_motion
+from tubeplanner.task.motion import ProblemMotion
 
 SHELVES = "panda/between_shelves"
 PANDA = f"example:{SHELVES}"
@@ -21,14 +22,15 @@ NO_MARKS = (
 
 def test_each_has_its_own_name_and_limits(bundled):
     problem, file = bundled(SHELVES), stored_trajectory(SHELVES, REFINEMENT)
-    verdicts = {each: judged_by(each, problem, file) for each in CONTROLLERS}
+    motion = ProblemMotion(problem, file.trajectory)
+    verdicts = {each: judged_by(each, motion, file) for each in CONTROLLERS}
     assert [verdict.name for verdict in verdicts.values()] == list(CONTROLLERS)
     limits = {each.limit for each in verdicts["fr3"].findings if each.unit == "rad/s^3"}
     assert {abs(limit) for limit in limits} == {5000}
     assert "Panda" in verdicts["fer"].title
     assert (verdicts["fer"].summary, verdicts["jtc"].summary) == ("would abort", "accepted")
     with pytest.raises(OptionError, match=r"unknown controller 'fr4'.*there is: fer, fr3, jtc"):
-        judged_by("fr4", problem, file)
+        judged_by("fr4", motion, file)
 
 
 def test_a_time_optimal_motion_is_certified_and_a_panda_would_abort_it(run):
@@ -143,12 +145,17 @@ def test_the_object_has_the_first_failure_and_the_whole_certificate(run_json, fo
     assert run_json("check", folder / "small.yaml", folder / "t.json", *NARROW, *tolerant)[0] == 0
 
 
+def test_a_controller_judges_the_motion_of_a_cycle(run, folder):
+    status, text, _ = run("check", folder / "small.yaml", folder / "t.json", "--for", "jtc")
+    assert status == 0
+    assert text.endswith("passes every condition; jtc: accepted.\n")
+
+
 @pytest.mark.parametrize(
     ("name", "words", "message"),
     [
         ("t.csv", (), f"t.csv {NO_MARKS}"),
         ("t.json", ("--set", "moves.back.name=home"), "t.json: marks are move over, .* move home"),
-        ("t.json", ("--for", "jtc"), "--for jtc judges the motion of a problem"),
     ],
 )
 def test_what_is_no_motion_of_the_cycle_is_refused(run, folder, name, words, message):

@@ -43,8 +43,9 @@ def test_a_changed_cycle_is_planned_and_its_file_passes_check(run_json, cycle_pa
 
 
 def test_the_object_has_moves_marks_and_prices(run_json, answered, cycle_path):
-    status, answer = run_json("plan", cycle_path, *FAST)
+    status, answer = run_json("plan", cycle_path, *FAST, "--time-left")
     assert (status, answer["status"]) == (0, "success")
+    assert 0.5 * answer["duration"] < answer["path_minimum"] <= answer["duration"]
     assert [move["name"] for move in answer["moves"]] == ["over", "down", "beside", "back"]
     assert answer["moves"][-1]["end"] == pytest.approx(answer["duration"] - 0.1)
     assert answer["marks"][2] == {"time": answer["moves"][1]["begin"], "attach": "part"}
@@ -81,7 +82,6 @@ def test_a_blocked_move_is_told_and_nothing_is_written(run, run_json, cycle_path
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("plan", "--time-left"), "--time-left is about the path of one motion"),
         (
             ("plan", "--set", "moves.bak.tube.radius=0.1"),
             "unknown name 'bak' (did you mean 'back'?); there is: over, down, beside, back",

@@ -12,6 +12,7 @@ from tubeplanner.output.controllers import (
     Effect,
     judged_by_jtc,
 )
+from tubeplanner.task.motion import motion_of_file
 from tubeplanner.trajectory.reader import read_trajectory_file
 
 NAMES = ("joint1", "joint2")
@@ -24,6 +25,11 @@ def problem(bundled):
     return bundled("two_link/around_a_post")
 
 
+def judged_file(problem, path):
+    file = read_trajectory_file(path)
+    return judged_by_jtc("jtc", motion_of_file(problem, path, file), file)
+
+
 @pytest.fixture
 def judged(problem, tmp_path):
     """Return a function that writes points as ROS YAML and returns the verdict."""
@@ -31,7 +37,7 @@ def judged(problem, tmp_path):
     def judge(points):
         path = tmp_path / "t.yaml"
         path.write_text(json.dumps({"joint_names": NAMES, "points": points}))
-        return judged_by_jtc("jtc", problem, read_trajectory_file(path))
+        return judged_file(problem, path)
 
     return judge
 
@@ -118,7 +124,7 @@ def test_what_plan_writes_is_accepted_and_of_polynomials_what_it_would_write(
     verdicts = []
     for name in ("t.json", "t.csv", "t.yaml"):
         notes = trajectory.save(tmp_path / name, problem)
-        verdicts.append(judged_by_jtc("jtc", problem, read_trajectory_file(tmp_path / name)))
+        verdicts.append(judged_file(problem, tmp_path / name))
     assert all(verdict.accepted for verdict in verdicts)
     assert [each.message for each in verdicts[0].findings] == list(notes)
     assert verdicts[1].findings == verdicts[2].findings == ()

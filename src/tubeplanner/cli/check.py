@@ -26,7 +26,6 @@ from tubeplanner.robot.notes import robot_notes, unlimited_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.info import task_doubts
 from tubeplanner.task.motion import CycleMotion, Motion, ProblemMotion, motion_of_file, move_rows
-from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 
 _JTC = "jtc"
@@ -63,16 +62,9 @@ def check(
         loaded, loading_time = console.load_either_timed(problem, enter, changes)
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         own = Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE
-        verdict = None
-        if controller is not None:
-            if isinstance(loaded, Cycle):
-                raise OptionError(
-                    f"--for {controller} judges the motion of a problem; of a cycle leave it out, "
-                    "and check moves as problems of their own"
-                )
-            verdict = judged_by(controller, loaded, read)
-        enter("certificate")
         motion = motion_of_file(loaded, trajectory, read)
+        verdict = None if controller is None else judged_by(controller, motion, read)
+        enter("certificate")
         begin = time.perf_counter()
         certificate = verify_motion(motion, user_tolerance or own)
         certificate_time = time.perf_counter() - begin
@@ -143,15 +135,14 @@ def _where(
     return Location(time=time, joint=gravest.joint)
 
 
-def judged_by(name: str, problem: PlanningProblem, file: TrajectoryFile) -> ControllerVerdict:
-    """Return the verdict of a controller, an entry of `CONTROLLERS`, on a trajectory file.
+def judged_by(name: str, motion: Motion, file: TrajectoryFile) -> ControllerVerdict:
+    """Return the verdict of a controller, an entry of `CONTROLLERS`, on the motion of a file.
 
     Raises:
         OptionError: The controller is unknown, or for another arm.
-        TrajectoryError: The trajectory moves other joints.
     """
     if name not in CONTROLLERS:
         raise OptionError(f"--for: {unknown_name('controller', name, CONTROLLERS)}")
     if name == _JTC:
-        return judged_by_jtc(name, problem, file)
-    return judged_by_franka(name, problem.robot, file.trajectory, franka_limits(name))
+        return judged_by_jtc(name, motion, file)
+    return judged_by_franka(name, motion.task.robot, motion.trajectory, franka_limits(name))

@@ -14,7 +14,6 @@ import click
 from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import plan_text
-from tubeplanner.errors import OptionError
 from tubeplanner.limits.peaks import peaks_as_dict, trajectory_peaks
 from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
 from tubeplanner.output.files.trajectory_writer import FORMATS, ExportedMotion, require_rate
@@ -81,11 +80,6 @@ def plan(
         files.spare([loaded.robot.urdf.path])
         for each in formats:
             each.require_names(loaded.robot.joint_names)
-        if isinstance(loaded, Cycle) and time_left:
-            raise OptionError(
-                "--time-left is about the path of one motion, and a cycle has several; leave it "
-                "out, or plan a move as a problem of its own"
-            )
         plan_either: Any = plan_cycle if isinstance(loaded, Cycle) else plan_problem
         result = plan_either(loaded, options, enter)
         if result.succeeded:

@@ -20,7 +20,6 @@ from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.info import task_doubts
 from tubeplanner.task.legs import Leg, Stop, stop_text
 from tubeplanner.task.motion import CycleMotion, Motion, Task
-from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.side_files import fitting_presets
 from tubeplanner.text import savings
 
@@ -76,8 +75,8 @@ def plan_text(
         lines.append(f"raising a limit by 10 % would save{of_cycle}: {savings_text}")
     if isinstance(result, CycleResult):
         lines += _gain_lines(result)
-    elif with_minimum and isinstance(task, PlanningProblem):
-        lines += _minimum_lines(task, result)
+    if with_minimum:
+        lines += _minimum_lines(robot, result)
     lines += after
     lines += [f"where: {result.location}"] * bool(str(result.location))
     is_explained = isinstance(result, CycleResult) or result.survival is not None
@@ -121,17 +120,21 @@ def _sorted_notes(
     return lines
 
 
-def _minimum_lines(problem: PlanningProblem, result: "PlanResult") -> list[str]:
+def _minimum_lines(robot: RobotModel, result: "PlanResult | CycleResult") -> list[str]:
     """Return a line on the path's least time, with motors that switch instantly, if computed."""
     if result.path_minimum is None or not result.duration:
         return []
     saving = 100 * max(1 - result.path_minimum / result.duration, 0.0)
     line = "time left on this path: motors that switch instantly would take"
-    if not problem.robot.motors.has_less_at_speed:
-        return [f"{line} {result.path_minimum:.4f} s, {saving:.1f} % less"]
-    return [
-        f"{line} at most {result.path_minimum:.4f} s, at least {saving:.1f} % less ({NOT_PROVED})"
+    without = [
+        leg.problem.name for leg in getattr(result, "legs", ()) if leg.result.path_minimum is None
     ]
+    reason = f"no solution of TOPP-RA for {', '.join(without)}" if without else ""
+    if robot.motors.has_less_at_speed:
+        reason = NOT_PROVED
+    if not reason:
+        return [f"{line} {result.path_minimum:.4f} s, {saving:.1f} % less"]
+    return [f"{line} at most {result.path_minimum:.4f} s, at least {saving:.1f} % less ({reason})"]
 
 
 def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:

@@ -9,10 +9,10 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import OptionError
-from tubeplanner.output.files.samples import samples_for_export
+from tubeplanner.output.files.samples import motion_samples
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.overrides import QUANTITIES, LimitOverrides
-from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.motion import Motion
 from tubeplanner.task.side_files import read_preset
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import peak_magnitudes
@@ -398,25 +398,23 @@ _JOINED = {1: "straight lines", 2: "cubics"}
 _TITLE = "JointTrajectoryController of ros2_control, parameters at their defaults"
 
 
-def judged_by_jtc(name: str, problem: PlanningProblem, file: TrajectoryFile) -> ControllerVerdict:
+def judged_by_jtc(name: str, motion: Motion, file: TrajectoryFile) -> ControllerVerdict:
     """Return the controller's verdict on a file's points; on polynomials, on exported points.
 
     Args:
         name: One of `CONTROLLERS`.
-        problem: The planning problem.
-        file: Its trajectory has the problem's joints, in any order.
+        motion: The motion of the file.
+        file: The file.
     """
-    trajectory, points = file.trajectory.reordered(problem.robot.joint_names), file.samples
-    remarks: list[ControllerFinding] = []
+    robot, trajectory, points = motion.task.robot, motion.trajectory, file.samples
+    notes: tuple[str, ...] = ()
     if points is None:
         points = GivenSamples(0.0, ("position", "velocity", "acceleration"))
-        note = samples_for_export(problem, trajectory, _RATE).note
-        if note is not None:
-            remarks.append(ControllerFinding(Effect.NOTED, "as plan --ros writes it", note))
+        notes = motion_samples(motion, _RATE).notes
     findings = (
-        *_refused(problem.robot, trajectory, points),
-        *_altered(problem.robot, trajectory, points),
-        *remarks,
+        *_refused(robot, trajectory, points),
+        *_altered(robot, trajectory, points),
+        *(ControllerFinding(Effect.NOTED, "as plan --ros writes it", note) for note in notes),
     )
     return ControllerVerdict(name, _TITLE, "refuse", findings)
 

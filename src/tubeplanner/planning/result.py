@@ -436,6 +436,17 @@ class CycleResult(TaskResult):
         excess = [leg.duration - (leg.result.shortest_duration or 0.0) for leg in self.legs]
         return self.duration - sum(excess)
 
+    @cached_property
+    def path_minimum(self) -> float | None:
+        """Least time for the paths of all legs [s], if motors switch instantly, with the dwells.
+
+        A leg for whose path TOPP-RA has no solution counts with its duration.
+        """
+        if self.duration is None:
+            return None
+        least = [leg.result.path_minimum or leg.duration for leg in self.legs]
+        return self.duration - sum(leg.duration for leg in self.legs) + sum(least)
+
     def as_dict(self) -> dict[str, Any]:
         """Return the fields of the command line's JSON, but for loading_time."""
         motion = self.motion
