@@ -161,7 +161,7 @@ class _BodyMotion:
     """Majorants of a body."""
 
     spin: FloatArray  # angular velocity
-    unit: FloatArray  # A vector of length one that is fixed in the body
+    unit: FloatArray  # vector of length one that is fixed in the body
     link: FloatArray  # vector from the origin of the parent body to the body's own
     # origin of the body in the base frame; the value itself may be any constant off
     origin: FloatArray

@@ -244,7 +244,7 @@ _MAX_ROWS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class _Approaches:
-    """A motions of joints towards an end of their ranges: upwards, then downwards."""
+    """Motions of A joints towards an end of their ranges: upwards, then downwards."""
 
     joint: IntArray  # shape (A,)
     deceleration: FloatArray  # shape (A,) [rad/s^2 or m/s^2]

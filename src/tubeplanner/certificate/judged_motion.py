@@ -140,7 +140,7 @@ class JudgedMotion:
     tolerance: Tolerance  # largest violation that counts as none
     # makers of further margins of segments, as for `segment_margins`
     further: tuple[MarginMaker, ...] = ()
-    # false: visits are those with the largest margins; True: `telling_visits`
+    # True: visits are the `telling_visits`; False: those with the largest margins
     is_telling: bool = False
 
     @property

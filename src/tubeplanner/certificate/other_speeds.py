@@ -73,7 +73,7 @@ class OtherSpeeds:
 class PathSteps:
     """S consecutive steps of a trajectory: pieces end and joints reverse only between steps."""
 
-    trajectory: JointTrajectory  # the trajectory
+    trajectory: JointTrajectory
     piece: IntArray  # index of the piece that holds each step, shape (S,)
     local: FloatArray  # starts and ends of the steps, in the piece's own time, shape (2, S) [s]
     direction: FloatArray  # signs of the joints' velocities: 1, -1 or 0, shape (S, n)

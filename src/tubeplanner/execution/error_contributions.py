@@ -52,11 +52,10 @@ class Shortfall:
     clearance: float  # from obstacles [m]
     position: FloatArray  # at the lower and upper position limits, shape (2, n) [rad or m]
     self_collision: float  # between links [m]; no backoff helps there
-    # of the velocity of each joint at which the controller stops, relative, (n,)
-    velocity: FloatArray
-    # of the distance of each joint from the plan at which the controller stops, relative, (n,)
-    tracking: FloatArray
-    tool_tracking: float  # of the tool's distance from the plan likewise
+    # relative, of the stops of the controller:
+    velocity: FloatArray  # by the velocity of each joint, shape (n,)
+    tracking: FloatArray  # by the distance of each joint from the plan, shape (n,)
+    tool_tracking: float  # by the distance of the tool from the plan
 
     def most(self, kind: str) -> float:
         """Return the largest shortfall of a kind, such as "radius" [m or rad]."""
@@ -127,9 +126,9 @@ _MUCH_TRAVEL = 0.1  # [rad or m], of a joint beyond its position limits
 class BlamedError:
     """The contribution of an error."""
 
-    error: str  # its name in the field robustness
-    size: float  # its size there
-    short: float  # the shortfall without it, in the unit of `ErrorContribution`
+    error: str  # the error's name in the field robustness
+    size: float  # the error's size there
+    short: float  # the shortfall without the error, in the unit of `ErrorContribution`
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ class Extreme:
     """The extreme value of a quantity."""
 
     value: float  # in the unit of the quantity
-    location: Location  # its time and location
+    location: Location  # with the time
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,7 @@ class TubeExcursions:
     tube: Extreme  # excursion of the tool beyond the regions about the segments [m]
     # rotation error beyond the tolerance [rad]; None where the tube leaves it free
     rotation: Extreme | None
-    # excursion beyond the ball about the compulsory point that is missed most [m]; None where there
-    # is none
+    # excursion beyond the ball about the compulsory point that is missed most [m]; None: no point
     points: Extreme | None
     # as `tube`, while each of the joined segments is current, shape (m,) [m]
     tube_by_segment: FloatArray
@@ -110,7 +109,7 @@ class _Margins:
     time: FloatArray  # T instants, shape (T,) [s]
     # margins of the tool, shape (T, m) [m]; `_FREE` where a segment is not current
     tube: FloatArray
-    # margins of its rotation, shape (T, m) [rad]; None where the tube leaves it free
+    # margins of the tool's rotation, shape (T, m) [rad]; None where the tube leaves it free
     rotation: FloatArray | None
     # margins in the balls about compulsory points, (T,) [m], by index
     passing: dict[int, FloatArray]

@@ -109,7 +109,7 @@ def drawn_plants(robot: RobotModel, errors: Robustness, draw: Draw | None = None
 class _Error:
     """The errors of one arm, as fractions of their bounds."""
 
-    random: np.random.Generator  # generator of the arm
+    random: np.random.Generator
     corner: float | None  # 1 for an arm with all errors at their bounds, 0 without any; None: drawn
 
     def fraction(self, *shape: int) -> FloatArray:

@@ -227,8 +227,8 @@ _LEAST = _QUANTITIES[-2:]
 class RunSummary:
     """One quantity over all runs."""
 
-    worst: Extreme  # the worst value, with its time and location
-    run: int  # index of its run
+    worst: Extreme
+    run: int  # index of the run with the worst value
     median: float  # median of all runs
 
     def as_dict(self) -> dict[str, Any]:

@@ -46,13 +46,13 @@ class PlannedMotion:
     start: TrajectorySamples  # samples at the instants
     middle: TrajectorySamples  # samples in the middles of the periods that begin there
     acceleration: FloatArray  # mean over the periods, shape (K, n) [rad/s^2 or m/s^2]
-    friction: FloatArray  # coulomb friction in the middles, shape (K, n) [N m or N]
+    friction: FloatArray  # Coulomb friction in the middles, shape (K, n) [N m or N]
     # efforts of the motors in the middles, by the plan's model, shape (K, n) [N m or N]
     effort: FloatArray
     # inertia that each motor alone accelerates in the middles, rotor included: one over the
     # diagonal of the inverse of the mass matrix, shape (K, n) [kg m^2 or kg]
     inertia: FloatArray
-    # that inertia over the inertia with all other joints at rest: 1 for a joint that no other joint
+    # `inertia` over the inertia with all other joints at rest: 1 for a joint that no other joint
     # moves, near 0 for joints with nearly one axis, shape (K, n)
     freedom: FloatArray
     stiff: FloatArray  # bandwidth of each joint with its least stiffness, shape (K, n) [rad/s]

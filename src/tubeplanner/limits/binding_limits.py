@@ -42,7 +42,7 @@ class LimitUses:
 
     # the N samples; at a breakpoint two, which differ where a quantity jumps
     samples: TrajectorySamples
-    segment: IntArray  # the tube segment of each, shape (N,)
+    segment: IntArray  # the tube segment of each sample, shape (N,)
     # of each limit: of joints first, by joint, then of the tool, then of points
     uses: tuple[LimitUse, ...]
 
@@ -198,7 +198,7 @@ class ClosestPairs:
     time: FloatArray  # shape (K,) [s]
     distance: FloatArray  # of the pair, shape (K,) [m]; negative where the solids overlap
     margin: FloatArray  # distance beyond the required one, shape (K,) [m]
-    names: tuple[tuple[str, str], ...]  # A link, and the obstacle or the other link
+    names: tuple[tuple[str, str], ...]  # a link, and the obstacle or the other link
     # the closest points on both surfaces, in the base frame, shape (K, 2, 3) [m]
     points: FloatArray
 

@@ -96,7 +96,7 @@ class PathSamples:
     Run in x per second, its derivatives by x are velocity, acceleration and jerk.
     """
 
-    problem: PlanningProblem  # the planning problem, its segments joined
+    problem: PlanningProblem  # its segments joined
     # positions and their derivatives by x, up to the second or third: (orders, N, n)
     by_path: FloatArray
     # returns the tube segment of each sample, shape (N,); None: not known

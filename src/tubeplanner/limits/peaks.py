@@ -108,7 +108,7 @@ def _zoomed(
             best, when = float(value[highest]), float(grid[highest, top[highest]])
         # A concave peak rises above its sample by no more than it falls to the lower neighbour.
         rise = value - np.minimum(values[rows, before], values[rows, after])
-        at_end = (before == top) | (after == top)  # one neighbour is not start
+        at_end = (before == top) | (after == top)  # one neighbour is missing
         if ends_are_smooth:  # from an end to the next sample: below the line through the next two
             ends = values[at_end]
             falling = np.where((ends[:, 0] >= ends[:, -1])[:, None], ends, ends[:, ::-1])

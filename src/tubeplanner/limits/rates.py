@@ -5,12 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.limits.path_samples import (
-    JointSpeedLimit,
-    KeptWhenSlow,
-    LimitKey,
-    PathSamples,
-)
+from tubeplanner.limits.path_samples import JointSpeedLimit, KeptWhenSlow, LimitKey, PathSamples
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.robot.joint_limits import JointLimits

@@ -303,7 +303,7 @@ def _least_of_intervals(
     trajectory: JointTrajectory,
     segments: IntArray | None,
 ) -> float:
-    """Return the smallest factor inside stretches of pieces, its valleys refined between samples.
+    """Return the smallest factor inside intervals of pieces, its valleys refined between samples.
 
     The factor may jump where pieces begin, or joints reverse.
     """

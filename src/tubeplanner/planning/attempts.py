@@ -165,12 +165,11 @@ def _diagnosis(state: _Planning) -> PlanResult | None:
 
 @dataclass(frozen=True)
 class Attempt:
-    """An attempt."""
+    """An attempt, the methods that make it, and a further condition."""
 
     # returns the result that ends planning, None for the next attempt; Infeasible is a result too
     run: Callable[[_Planning], PlanResult | None]
-    methods: tuple[str, ...]  # the methods that make it
-    # whether it is made, besides the method
+    methods: tuple[str, ...]
     applies: Callable[[_Planning], bool] = lambda state: True
 
 

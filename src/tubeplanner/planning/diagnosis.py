@@ -215,11 +215,11 @@ _RADIUS_FRACTION = 0.5
 class BlockingSample:
     """A sample of the tool's path, in one or two segments of the tube, or the open goal."""
 
-    name: str  # name in messages
-    segments: tuple[int, ...]  # the segments
-    tool: FloatArray  # the tool's position, shape (3,) [m]
+    name: str  # in messages
+    segments: tuple[int, ...]
+    tool: FloatArray  # position of the tool, shape (3,) [m]
     allowed: float  # largest distance of the tool from that position [m]
-    location: Location  # the position, for messages
+    location: Location  # for messages
     rotation_rows: tuple[int, ...]  # the rows of the rotation tolerance that hold here
     is_goal: bool = False  # True for the open goal
 

@@ -20,13 +20,7 @@ from tubeplanner.optimizer.tube_phases import (
     tube_chains,
     widened_radius,
 )
-from tubeplanner.outcome import (
-    Infeasible,
-    PlanningClock,
-    PlanStatus,
-    Progress,
-    until_stopped,
-)
+from tubeplanner.outcome import Infeasible, PlanningClock, PlanStatus, Progress, until_stopped
 from tubeplanner.planning.options import QUALITIES, REFINEMENT, PlanOptions, Quality
 from tubeplanner.planning.result import PlanResult, certified_result, stopped_result
 from tubeplanner.task.problem import PlanningProblem

@@ -34,6 +34,7 @@ _MAX_MESSAGE = 200  # [characters] in the representation
 # The message names reference points at more than this distance from the tool's path.
 _FAR_IN_RADII = 3.0
 _SAMPLES_PER_PIECE = 20
+_ATTRIBUTES = "Attributes:\n"
 # A larger unused fraction of the speed gets a note.
 _MAX_UNUSED = 0.02
 
@@ -44,26 +45,42 @@ def _no_trajectory() -> None:
 
 @dataclass(frozen=True, eq=False)
 class TaskResult:
-    """The result of planning a problem or a cycle: a certified motion, or the reason without it."""
+    """The result of planning a problem or a cycle: a certified motion, or the reason without it.
 
-    status: PlanStatus  # success means that the certificate passed
-    message: str  # one sentence: the answer, or the reason without an answer
-    location: Location  # place of that reason, of a cycle with the move
-    method: str  # the method of the answer: one of `METHODS`
+    Attributes:
+        status: Success means that the certificate passed.
+        message: One sentence: the answer, or the reason without an answer.
+        location: Place of that reason, of a cycle with the move.
+        method: The method of the answer: one of `METHODS`.
+        planning_time: Wall time from the loaded task to the certified result [s].
+        certificate_time: Part of the planning time for the answer's certificate [s].
+        stopped_by: "time_limit" or "interrupt" if planning was stopped early; None otherwise.
+        notes: Further information about the answer.
+        proved: True if it is proved that there is no answer; False if no answer was found; None if
+            there is an answer, or planning was stopped.
+        starts_tried: Number of configurations or branches from which the search failed; None
+            unless `proved` is False.
+    """
+
+    status: PlanStatus
+    message: str
+    location: Location
+    method: str
     _: KW_ONLY
-    planning_time: float = 0.0  # wall time from the loaded task to the certified result [s]
-    certificate_time: float = 0.0  # part of the planning time for the answer's certificate [s]
-    # "time_limit" or "interrupt" if planning was stopped early; None otherwise
+    planning_time: float = 0.0
+    certificate_time: float = 0.0
     stopped_by: StoppedBy | None = None
-    notes: tuple[str, ...] = ()  # further information about the answer
-    # True if it is proved that there is no answer; False if no answer was found; None if there is
-    # an answer, or planning was stopped
+    notes: tuple[str, ...] = ()
     proved: bool | None = None
-    # number of configurations or branches from which the search failed; None unless `proved` is
-    # False
     starts_tried: int | None = None
 
     place = FormerName("location")
+
+    def __init_subclass__(cls) -> None:
+        """Put these attributes before the own ones in the docstring of a kind of result."""
+        common = (TaskResult.__doc__ or "").partition(_ATTRIBUTES)[2].rstrip()
+        head, title, own = (cls.__doc__ or "").partition(_ATTRIBUTES)
+        cls.__doc__ = f"{head}{title}{common}\n{own}"
 
     def __repr__(self) -> str:
         name, message = type(self).__name__, self.message[:_MAX_MESSAGE]

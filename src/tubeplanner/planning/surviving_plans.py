@@ -38,7 +38,7 @@ _SIZES = ("radius", "rotation", "clearance", "position")
 class Candidate:
     """A plan for a tightened problem, and the verdict of its simulated runs."""
 
-    tightening: Tightening  # tightening of the problem
+    tightening: Tightening  # of the problem
     result: PlanResult  # the plan, certified
     verdict: RunVerdict  # verdict of the runs, with enlarged errors
     target: Tightening  # tightening without a shortfall, as far as the problem allows it

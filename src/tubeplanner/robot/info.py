@@ -27,12 +27,7 @@ from tubeplanner.robot.motors import merged_motors, resolve_motors
 from tubeplanner.robot.notes import robot_notes
 from tubeplanner.robot.overrides import CURVE, QUANTITIES, LimitOverrides
 from tubeplanner.robot.pinocchio_model import locked_value
-from tubeplanner.robot.urdf import (
-    STANDING_TYPES,
-    UrdfDescription,
-    UrdfJoint,
-    followers_of,
-)
+from tubeplanner.robot.urdf import STANDING_TYPES, UrdfDescription, UrdfJoint, followers_of
 from tubeplanner.robot.urdf_elements import read_child, read_numbers
 
 # ---- The links of a URDF: mass and kinds of geometry.
@@ -42,10 +37,10 @@ from tubeplanner.robot.urdf_elements import read_child, read_numbers
 class LinkInfo:
     """A link of a URDF."""
 
-    name: str  # its name
+    name: str
     parent: str | None  # the joint that moves or fixes it; None for the root
     mass: float | None  # [kg]; None without <inertial>
-    # number of <collision> by kind, such as "mesh" or "box"; empty: never checked
+    # number of <collision> by kind, such as "mesh" or "box"; empty: the link is never checked
     collision: dict[str, int]
     visual: dict[str, int]  # number of <visual> by kind
     is_leaf: bool  # True if it carries no other link
@@ -87,7 +82,7 @@ _STAND_IN_RATE = 1e9  # an acceleration: `resolve_limits` refuses a joint of unb
 class SourcedValue:
     """A number and its source."""
 
-    value: Any  # A number, or (lower, upper); None: there is none, or it is infinite
+    value: Any  # a number, or (lower, upper); None: there is none, or it is infinite
     # "URDF", "problem file", "preset NAME", "limits_file NAME", the joint that follows and bounds
     # it, or "none"; with the factor of limits.scale or the position margin
     source: str
@@ -102,7 +97,7 @@ class SourcedValue:
 class JointInfo:
     """A planned joint."""
 
-    name: str  # its name
+    name: str
     type: str  # as in the URDF
     parent: str  # the link that carries it
     child: str  # the link that it moves
@@ -202,7 +197,7 @@ def _motors(arm: DescribedArm) -> dict[str, dict[str, SourcedValue]]:
 class OtherJoint:
     """A joint that is not planned; the joint of a mobile base is among them."""
 
-    name: str  # its name
+    name: str
     type: str  # as in the URDF
     follows: str | None  # the planned joint that it follows; None: it is locked
     position: float  # the locked position, or the position at its leader's zero [rad or m]
@@ -214,8 +209,8 @@ class OtherJoint:
 class RobotInfo:
     """The contents and gaps of a robot."""
 
-    path: Path  # its URDF
-    name: str  # its name
+    path: Path  # of the URDF
+    name: str
     tool_frame: str  # the link that carries the tool
     tool_frame_is_given: bool  # False if `likely_tool_frame` selected it
     joints: tuple[JointInfo, ...]  # the planned joints in chain order
@@ -224,7 +219,7 @@ class RobotInfo:
     missing: tuple[str, ...]  # values that planning needs and the robot lacks, each with its remedy
     # sentences on what the files hold and planning does not use, and implausible values
     notes: tuple[str, ...]
-    # its kinematics and masses; efforts are unlimited, so that no mass need be there
+    # kinematics and masses; efforts are unlimited, so that no mass need be there
     arm: RobotModel = field(repr=False)
 
     @property

@@ -242,21 +242,20 @@ class JointLimits:
     """Limits of n joints, in group order; inf where there is none."""
 
     lower_position: FloatArray  # shape (n,), the margin included [rad or m]
-    upper_position: FloatArray  # likewise
+    upper_position: FloatArray  # shape (n,), the margin included [rad or m]
     velocity: FloatArray  # shape (n,) [rad/s or m/s]
     effort: FloatArray  # the largest at any position and in either direction, shape (n,) [N m or N]
     acceleration: FloatArray  # shape (n,) [rad/s^2 or m/s^2]
     jerk: FloatArray  # shape (n,) [rad/s^3 or m/s^3]
     effort_rate: FloatArray  # shape (n,) [N m/s or N/s]
     tool_speed: float = np.inf  # of the tool centre point [m/s]
-    # of the joints that have a law of this kind, in group order
+    # one for each joint whose velocity limit depends on its position, in group order
     velocity_by_position: tuple[VelocityByPosition, ...] = ()
     point_speed: tuple[PointSpeed, ...] = ()  # limits on the speed of points of the arm
-    # of the joints whose effort limit differs by position or by direction
+    # one for each joint whose effort limit depends on position or direction
     effort_ranges: tuple[EffortRange, ...] = ()
     notes: tuple[str, ...] = ()  # parts of limit files that were not used
-    # fraction by which the maker's controller lets joints pass their velocity limits, of a preset;
-    # None: not known
+    # fraction by which the maker's controller lets joints exceed velocity limits; None: not known
     velocity_tolerance: float | None = None
     # source of each limit that is not the URDF's, by quantity and joint name
     sources: Mapping[str, Mapping[str, str]] = field(default_factory=dict, repr=False)

@@ -215,8 +215,8 @@ class ToolChain:
 
     model: pin.Model  # the arm
     scratch: Scratch  # of the model; written to
-    joints: ModelJoints  # the joints of the model
-    chain: BodyChain  # its bodies
+    joints: ModelJoints  # of the model
+    chain: BodyChain  # of the model
     carries: BoolArray  # True if joint k moves a body, shape (bodies, M)
     frame: int  # index of the tool centre point among the model's frames
 

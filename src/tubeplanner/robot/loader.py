@@ -96,7 +96,7 @@ def load_robot(
 class DescribedArm:
     """The description of an arm, before its limits are resolved."""
 
-    description: UrdfDescription  # the robot
+    description: UrdfDescription
     folders: PackageDirs  # folders that hold the packages of `package://` names
     tool_frame: str  # the link that carries the tool
     group: list[str]  # the planned joints

@@ -80,14 +80,12 @@ class JointMotors:
 
     armature: FloatArray  # inertia of the rotors at the joints, shape (n,) [kg m^2 or kg]
     viscous_friction: FloatArray  # shape (n,) [N m s/rad or N s/m]
-    # coulomb friction where the velocity is negative, >= 0, shape (n,) [N m or N]
-    backwards_friction: FloatArray
-    # coulomb friction where the velocity is positive, >= 0, shape (n,) [N m or N]
-    forwards_friction: FloatArray
+    # Coulomb friction where the velocity is negative, and where it is positive, >= 0, shape (n,)
+    backwards_friction: FloatArray  # [N m or N]
+    forwards_friction: FloatArray  # [N m or N]
     # effort at which the motor stalls, shape (n,) [N m or N]; inf without a torque-speed line
     saturation_effort: FloatArray
-    # velocity at which that line is zero, shape (n,) [rad/s or m/s]; inf without a torque-speed
-    # line
+    # velocity at which the torque-speed line is zero, shape (n,) [rad/s or m/s]; inf without one
     no_load_velocity: FloatArray
     friction_uncertainty: float = 0.0  # fraction by which friction may be more or less
 

@@ -136,14 +136,14 @@ class _JointValues:
 
 @dataclass(frozen=True)
 class JointQuantity:
-    """What has a limit for each joint, a number; a field of `LimitOverrides` and `JointLimits`."""
+    """A quantity with a limit for each joint: a field of `LimitOverrides` and of `JointLimits`."""
 
     units: tuple[str, str]  # of a turning and of a sliding joint
-    # "required", "optional" or "never": of these only a given limit enters the hash
+    # "required", "optional" or "never": such a limit enters the hash only if it is given
     in_urdf: str = "never"
     is_scalable: bool = False  # True if a commissioning factor may scale the limit
     is_followed: bool = False  # True if the limit of a follower bounds its master
-    name: str = ""  # of the fields
+    name: str = ""  # of the fields in both
 
     @property
     def label(self) -> str:
@@ -406,7 +406,7 @@ class MotorFields(DeclaredSection):
     """
 
 
-# ---- Values of joints: a number for all, a list in chain order, or a map by name.
+# ---- Checks of single values of joints.
 
 
 def _is_limit(value: Any) -> bool:

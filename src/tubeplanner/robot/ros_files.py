@@ -234,7 +234,7 @@ _MAX_NAMES = 8  # of links in a note
 class Srdf:
     """An SRDF."""
 
-    path: Path  # the file
+    path: Path
     root: ElementTree.Element  # its <robot>
 
     def allowed_pairs(self, links: Sequence[str]) -> list[tuple[str, str]]:

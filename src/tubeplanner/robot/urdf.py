@@ -55,7 +55,7 @@ class Mimic:
 class UrdfJoint:
     """A joint of a URDF."""
 
-    name: str  # the joint's name
+    name: str
     type: str  # one of revolute, continuous, prismatic, fixed, planar, floating
     parent: str  # name of the parent link
     child: str  # name of the child link
@@ -64,10 +64,9 @@ class UrdfJoint:
     effort: float | None  # effort limit [N m or N], None where the URDF gives none
     velocity: float | None  # velocity limit [rad/s or m/s], None where the URDF gives none
     mimic: Mimic | None  # the rule by which the joint follows another, if any
-    # the smaller of the acceleration and deceleration limits [rad/s^2 or m/s^2], None where the
-    # URDF gives none, or its version has none
+    # the smaller of acceleration and deceleration limit [rad/s^2 or m/s^2]; None: there is none
     acceleration: float | None = None
-    jerk: float | None = None  # jerk limit [rad/s^3 or m/s^3], likewise
+    jerk: float | None = None  # jerk limit [rad/s^3 or m/s^3]; None: there is none
     # the acceleration and the deceleration limit, if they differ; else empty
     accelerations: tuple[float, ...] = ()
     # values that planning does not use, as `unused_values` returns them
@@ -78,12 +77,11 @@ class UrdfJoint:
 class UrdfDescription:
     """A robot description that passed the structural checks."""
 
-    path: Path  # the file it was read from
-    name: str  # the robot's name
+    path: Path  # of the file
+    name: str  # of the robot
     links: tuple[str, ...]  # names of all links
     joints: dict[str, UrdfJoint]  # all joints by name, in the order of the file
-    # the contents of the file, with declarations for the prefixes that lack one, and rpy for every
-    # quaternion
+    # contents of the file, with missing declarations of prefixes, and rpy for every quaternion
     xml: bytes
     # the names under each prefix that the file does not declare
     undeclared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

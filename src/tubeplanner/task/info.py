@@ -47,9 +47,9 @@ class TaskInfo:
     """Content of the file of a problem or a cycle."""
 
     kind: str  # "problem" or "cycle"
-    robot: RobotInfo  # the robot
-    srdf: SrdfInfo | None  # content of the SRDF; None without an SRDF
-    task: PlanningProblem | Cycle | None  # the problem or the cycle; None if it does not load
+    robot: RobotInfo
+    srdf: SrdfInfo | None  # None: there is none
+    task: Task | None  # None if it does not load
     refused: str | None  # message of the error if the task does not load; else None
 
     @property

@@ -27,7 +27,7 @@ _KINDS = {Move: MOVE, Event: EVENT, Attach: ATTACH, Detach: DETACH}
 class MotionSection:
     """A section of a motion under one problem: the motion of a problem, or a leg of a cycle."""
 
-    problem: PlanningProblem  # the problem
+    problem: PlanningProblem
     trajectory: JointTrajectory  # of the problem's joints, in their order, from time zero
     begin: float = 0.0  # in the whole motion [s]
     leg: Leg | None = None  # the leg of the cycle; None: the problem is the whole task
@@ -51,7 +51,7 @@ class MotionSection:
 class ProblemMotion:
     """Motion of a problem: one section, no steps."""
 
-    task: PlanningProblem  # the problem
+    task: PlanningProblem
     trajectory: JointTrajectory  # of the problem's joints, in any order; kept in the problem's
     marks: ClassVar[tuple[Mark, ...]] = ()
 

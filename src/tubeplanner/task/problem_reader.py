@@ -39,12 +39,7 @@ from tubeplanner.task.problem_format import (
     contacts_of,
     segment_clearances,
 )
-from tubeplanner.task.side_files import (
-    read_limits_file,
-    read_points,
-    read_preset,
-    read_robustness,
-)
+from tubeplanner.task.side_files import read_limits_file, read_points, read_preset, read_robustness
 from tubeplanner.trajectory.reader import read_trajectory_file
 
 _Value = TypeVar("_Value")

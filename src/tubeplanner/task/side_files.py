@@ -47,7 +47,7 @@ class _PresetFields(Section):
     sources: dict[str, str] = Field(description="by field, such as limits.velocity: where from")
 
     @property
-    def value(self) -> list[str]:
+    def field_paths(self) -> list[str]:
         """Paths of the fields with values: "limits.velocity"."""
         sections = {"limits": self.limits, "motors": self.motors, "robustness": self.robustness}
         return [
@@ -110,7 +110,7 @@ def _preset(name: str | Path, directory: str | Path) -> tuple[str, _PresetFields
     fields = check_fields(_PresetFields, data, label, error=RobotError)
     if fields.limits.scale:
         raise RobotError(f"{label}: limits.scale belongs into robot.limits of a problem")
-    names = fields.value
+    names = fields.field_paths
     if not names:
         raise RobotError(f"{label}: limits, motors or robustness is required")
     of_arm = [name for name in names if not name.startswith("robustness.")]
