@@ -289,10 +289,8 @@ class Output(NamedTuple):
 class AnswerFiles:
     """The output files of a run."""
 
-    # kinds of the written files, by path, in order
-    written: dict[Path, str] = field(default_factory=dict)
-    # sentences on the other files, by path, in order
-    failures: dict[Path, str] = field(default_factory=dict)
+    written: dict[Path, str] = field(default_factory=dict)  # kinds of written files, by path
+    failures: dict[Path, str] = field(default_factory=dict)  # sentences on the others, by path
 
     @property
     def saved(self) -> str:
@@ -364,8 +362,7 @@ class Request(NamedTuple):
 
     kind: str  # noun for it
     path: Path | None  # where it goes; None: it is not requested
-    # the option, with an example of its value where that helps; empty: an option that is not named
-    # where nothing is written
+    # the option, perhaps with an example of a value; empty: not named where nothing is written
     option: str = ""
     endings: tuple[str, ...] = ()  # allowed endings of its name; none: any
 

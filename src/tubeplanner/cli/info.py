@@ -35,13 +35,7 @@ from tubeplanner.studies.tubes.starter_problem import shown_configuration
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import is_cycle_file
 from tubeplanner.task.endpoints import Endpoint
-from tubeplanner.task.info import (
-    SrdfInfo,
-    TaskInfo,
-    cycle_info,
-    problem_info,
-    with_doubts,
-)
+from tubeplanner.task.info import SrdfInfo, TaskInfo, cycle_info, problem_info, with_doubts
 from tubeplanner.task.legs import Stop, stop_text
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach

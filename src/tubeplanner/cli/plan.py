@@ -104,8 +104,7 @@ def plan(
 
 def _written(files: console.OutputFiles, loaded: Task, result: Any, rate: float | None) -> Any:
     """Write the files of an answer; return the answer with notes on the samples."""
-    motion: Motion
-    motion = (
+    motion: Motion = (
         result.motion if isinstance(loaded, Cycle) else ProblemMotion(loaded, result.trajectory)
     )
     exported = ExportedMotion(motion, result.method, rate)

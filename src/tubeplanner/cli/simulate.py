@@ -49,8 +49,6 @@ _PLANNED = (
     "parts rest, and lie in the hand, where the planned motion has them; the error of the tool at "
     "each handover is listed"
 )
-
-
 _NAMES = {
     "tube": "beyond the tube [m]",
     "rotation": "beyond the rotation tolerance [rad]",

@@ -123,8 +123,7 @@ class FrankaLimits:
     name: str  # of the arm
     position: FloatArray  # lower and upper, shape (2, 7) [rad]
     most: Mapping[str, FloatArray]  # by quantity, of `QUANTITIES` and in its unit, shape (7,)
-    # limits on translation of Cartesian commands: velocity, acceleration and jerk [m/s, m/s^2,
-    # m/s^3]
+    # limits of Cartesian translations: velocity, acceleration and jerk [m/s, m/s^2, m/s^3]
     tool_rates: tuple[float, float, float]
     # velocity limits by position: deceleration [rad/s^2], offset [rad/s], lower and upper position
     # [rad], shape (4, 7); None: constant limits
@@ -161,7 +160,7 @@ def franka_limits(name: str) -> FrankaLimits:
     return FrankaLimits(
         name=FRANKA_ARMS[name],
         position=read_only(_rows(limits, "position").T if position is None else position),
-        most={name: _rows(limits, name) for name in QUANTITIES if getattr(limits, name)},
+        most={each: _rows(limits, each) for each in QUANTITIES if getattr(limits, each)},
         tool_rates=(np.inf if limits.tool_speed is None else limits.tool_speed, *_TOOL[name]),
         velocity_laws=laws,
     )
@@ -373,8 +372,7 @@ def _exceeded(
     begins = "" if first == time[row] else f", first at t = {first:.4f} s"
     message = (
         f"{owner}{quantity.name} {_number_text(worst)} {'<' if below else '>'} "
-        f"{_number_text(limit)} "
-        f"{quantity.unit} at t = {time[row]:.4f} s{begins}"
+        f"{_number_text(limit)} {quantity.unit} at t = {time[row]:.4f} s{begins}"
     )
     effect, error, unit = quantity.effect, quantity.error, quantity.unit
     instant = float(time[row])
@@ -399,7 +397,7 @@ _TITLE = "JointTrajectoryController of ros2_control, parameters at their default
 
 
 def judged_by_jtc(name: str, motion: Motion, file: TrajectoryFile) -> ControllerVerdict:
-    """Return the controller's verdict on a file's points; on polynomials, on exported points.
+    """Return the verdict on the points of a file, or on exported points of its polynomials.
 
     Args:
         name: One of `CONTROLLERS`.

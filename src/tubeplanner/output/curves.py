@@ -36,7 +36,7 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectoryS
 
 # ---- A motion under one problem: the whole motion, or a leg of a cycle.
 
-_MAX_LABELS = 8
+MAX_LABELS = 8  # of segments or of their groups
 _MAX_MARKED = 24  # segments that are marked singly; more are marked in groups with a label each
 
 
@@ -74,17 +74,14 @@ class TrajectoryCurves:
     samples: TrajectorySamples  # times, positions, velocities, accelerations
     jerk: FloatArray  # shape (N, n) [rad/s^3 or m/s^3]
     effort: FloatArray  # shape (N, n) [N m or N]
-    # of the limits on joints' quantities, each by its kind, shape (N, n); nan where a joint has no
-    # limit
+    # used fractions of the joints' limits by kind, shape (N, n); nan where a joint has no limit
     fractions: Mapping[str, FloatArray]
     tool: FloatArray  # shape (N, 3) [m]
     speed: FloatArray  # of the tool, shape (N,) [m/s]
     speed_limit: FloatArray  # limit of the segment, shape (N,) [m/s]; inf without a limit
-    # speeds of the points with a limit, as fractions of their limits, shape (N, P)
-    points: FloatArray
+    points: FloatArray  # speeds of points as fractions of their limits, shape (N, P)
     segment: IntArray  # the tube segment of each sample, shape (N,)
-    # the tool's distance from the segment as a fraction of its radius, or of the nearest half side
-    # of its box, shape (N,)
+    # the tool's distance from the segment over its radius or its box's half side, shape (N,)
     tube_use: FloatArray
     # rotation error as a fraction of the rotation tolerance, shape (N,); None without a tolerance
     rotation_use: FloatArray | None
@@ -158,7 +155,7 @@ def segments_per_group(count: int) -> int:
     if count <= _MAX_MARKED:
         return 1
     steps = (digit * 10**power for power in range(9) for digit in (1, 2, 5))
-    return next(step for step in steps if -(-count // step) <= _MAX_LABELS)
+    return next(step for step in steps if -(-count // step) <= MAX_LABELS)
 
 
 def size_of(tube: Tube, k: int) -> str:

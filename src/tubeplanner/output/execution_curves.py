@@ -31,8 +31,7 @@ class ToolRuns:
     plan: FloatArray  # planned position, shape (K, 3) [m]
     runs: FloatArray  # executed positions, shape (R, K, 3) [m]
     tube: Band  # margin inside the tube [m]
-    # margin inside the rotation tolerance [rad], NaN where rotation is free; None if it is free
-    # throughout
+    # margin inside the rotation tolerance [rad], NaN where rotation is free; None: always free
     rotation: Band | None
 
     @property

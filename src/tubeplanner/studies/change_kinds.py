@@ -13,12 +13,20 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.first_guess.pose_configurations import middle_of
 from tubeplanner.robot.joint_limits import JointLimits
-from tubeplanner.studies.changes import Change, Proposal, Question, exact, figures, from_to, rounded
+from tubeplanner.studies.changes import (
+    MAX_GROWTH,
+    Change,
+    Proposal,
+    Question,
+    exact,
+    figures,
+    from_to,
+    rounded,
+)
 from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration_of
 from tubeplanner.task.problem_format import ClearanceFields
 from tubeplanner.task.problem_reader import end_of
 
-_MAX_GROWTH = 10.0  # of boxes and masses, relative
 _MAX_MOVE = 1.0  # [m], or [rad]
 _TENTH = 0.1  # [m], or [rad]
 
@@ -115,7 +123,7 @@ def radius_changes(question: Question, sign: int) -> Iterator[Change]:
 
     if sign > 0 and sum(radius is not None for radius in radii) > 1:
         before = _plain(question.spec.document["tube"].get("radius"))
-        yield Change("radii", "tube.radius", before, "", 1.0, _MAX_GROWTH, scaled)
+        yield Change("radii", "tube.radius", before, "", 1.0, MAX_GROWTH, scaled)
 
 
 def _new_radii(question: Question, radii: Sequence[float | None]) -> dict[str, Any]:
@@ -158,7 +166,7 @@ def _boxes(question: Question) -> Iterator[Change]:
                 before=list(box["box"]),
                 unit="m",
                 scale=min(box["box"]),
-                most=_MAX_GROWTH * min(box["box"]),
+                most=MAX_GROWTH * min(box["box"]),
                 propose=partial(wider, segment, box["box"]),
                 about=frozenset({f"segment {segment}"}),
             )
@@ -461,7 +469,7 @@ def payload_changes(question: Question, sign: int) -> Iterator[Change]:
         brief = figures(after, "kg")
         return Proposal(changes, after, f"payload at most {brief}", brief)
 
-    most = _MAX_GROWTH * before if sign > 0 else 0.999 * before
+    most = MAX_GROWTH * before if sign > 0 else 0.999 * before
     yield Change(
         *("payload", "robot.payload.mass", before, "kg", before, most, changed), is_loss=sign < 0
     )

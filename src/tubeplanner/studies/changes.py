@@ -23,7 +23,7 @@ FIGURES = 3  # of a size, so that the certified size is the printed one
 _SHOWN = 2 * FIGURES  # of a value that a size is added to
 
 _MILLI = {"m": "mm", "s": "ms"}
-_MAX_GROWTH, _MAX_LOSS = 10.0, 0.99  # of a number, relative
+MAX_GROWTH, _MAX_LOSS = 10.0, 0.99  # of a number, relative
 
 
 def rounded(size: float) -> float:
@@ -73,8 +73,7 @@ class Change:
     scale: float  # the size that counts as one: the quantity itself, 0.1 m or 0.1 rad
     most: float  # the largest sensible size
     propose: Callable[[float], Proposal]  # function from a size to the change by that size
-    # names that the change concerns: "segment 3", a joint, an obstacle
-    about: frozenset[str] = frozenset()
+    about: frozenset[str] = frozenset()  # concerned names: "segment 3", a joint, an obstacle
     is_switch: bool = False  # True if the only size is 1
     # True if sizes are subtracted from the quantity: then the remainder counts as well
     is_loss: bool = False
@@ -82,7 +81,7 @@ class Change:
     is_move: bool = False
     # True if another robot is needed: its own limits, or the shape of its tool
     is_of_robot: bool = False
-    # A size that should be enough, and little less not, tried first; None: not known
+    # size that should be enough, and little less not, tried first; None: not known
     estimate: float | None = None
 
     @property
@@ -134,7 +133,7 @@ class Change:
             values = {field: new} if changes is None else changes(new)
             return Proposal(values, new, f"{name} {text}", figures(new, unit))
 
-        most = (_MAX_GROWTH if sign > 0 else _MAX_LOSS) * before
+        most = (MAX_GROWTH if sign > 0 else _MAX_LOSS) * before
         sizes = {"scale": before, "most": most, "is_loss": sign < 0}
         return cls(kind, field, before, unit, propose=propose, **{**sizes, **others})
 

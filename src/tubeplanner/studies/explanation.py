@@ -63,9 +63,8 @@ class InvalidProblem:
     message: str  # the reason, in one sentence
     location: Location  # location of the reason
     proved: bool | None  # True if it is proved that there is no motion; None: the input is bad
-    # configuration at the place, shape (n,) [rad or m]; None: there is none
-    configuration: FloatArray | None
-    # A problem of the same arm, tube and solids; None if the tube cannot be drawn
+    configuration: FloatArray | None  # at the place, shape (n,) [rad or m]; None: there is none
+    # problem of the same arm, tube and solids; None if the tube cannot be drawn
     drawn: PlanningProblem | None
 
     __repr__ = short_repr

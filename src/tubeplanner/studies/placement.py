@@ -84,21 +84,15 @@ class PlacementRow:
     def reason(self) -> str:
         """The reason for the failure without numbers, the same for many base poses."""
         words = str(self.status).replace("_", " ")
-        links, obstacle, joint = (
-            self.location.links or (),
-            self.location.obstacle,
-            self.location.joint,
-        )
-        if links and obstacle is not None:
+        at = self.location
+        if at.links and at.obstacle is not None:
             between = "in" if self.status == BASE_IN_OBSTACLE else "and"
-            return f"{words}: '{links[0]}' {between} '{obstacle}'"
-        if links:
-            return f"{words}: {' and '.join(map(repr, links))}"
-        if joint is not None:
-            return f"{words}: {joint}"
-        return (
-            words if self.location.segment is None else f"{words}: segment {self.location.segment}"
-        )
+            return f"{words}: '{at.links[0]}' {between} '{at.obstacle}'"
+        if at.links:
+            return f"{words}: {' and '.join(map(repr, at.links))}"
+        if at.joint is not None:
+            return f"{words}: {at.joint}"
+        return words if at.segment is None else f"{words}: segment {at.segment}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the row as JSON values."""

@@ -152,10 +152,8 @@ class SizeBracket:
     change: Change  # the change
     # True if it makes an impossible problem possible, False if a possible one impossible
     helps: bool
-    # trial of the largest size below the decisive one; None: none is known
-    smaller: Trial | None = None
-    # trial of the smallest size above the decisive one; None: none is known
-    larger: Trial | None = None
+    smaller: Trial | None = None  # of the largest size below the decisive one; None: not known
+    larger: Trial | None = None  # of the smallest size above the decisive one; None: not known
 
     @property
     def impossible(self) -> Trial | None:

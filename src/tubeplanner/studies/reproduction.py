@@ -37,7 +37,7 @@ class PrintedExample:
     conventional: float  # duration of straight lines with stops [s]
     # durations after phase 1 and after phase 2 [s], by tolerance [m]
     phases: MappingProxyType[float, tuple[float, float]]
-    remark: str = ""  # A remark on the printed numbers; empty: none
+    remark: str = ""  # remark on the printed numbers; empty: none
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class PrintedLine:
     smoothed: float  # `bang_bang` with the paper's cost of smoothness, 26 % [s]
     durations: MappingProxyType[float, float]  # durations [s], by tolerance [m]
     shown: tuple[float, ...]  # tolerances of its figures [m]
-    remark: str  # A remark on the printed numbers
+    remark: str  # remark on the printed numbers
 
 
 def _phases(*durations: tuple[float, float]) -> MappingProxyType[float, tuple[float, float]]:
@@ -154,9 +154,8 @@ class Reproduction:
     """Tables II to IV from our code."""
 
     cells: dict[tuple[int, float], ReproducedCell]  # the cells by example and tolerance [m]
-    # by example and scheme without a tube: the trajectory on the example's path, or the reason for
-    # its absence. "by the paper's constants": straight lines with stops, at the speed and
-    # acceleration of Table I.
+    # trajectories on an example's path, or the reason for their absence, by example and scheme;
+    # `CONVENTIONAL` has straight lines with stops, at the speed and acceleration of Table I
     paths: dict[int, dict[str, JointTrajectory | str]]
 
     def durations(self, example: int) -> dict[str, float | None]:

@@ -105,8 +105,7 @@ class Row:
 class PlannedRow(Row):
     """A variant that was read and planned."""
 
-    # result of planning; None where the problem is invalid, or its plan crashed
-    result: PlanResult | CycleResult | None
+    result: PlanResult | CycleResult | None  # as of a `Row`
     message: str  # one sentence: the answer, or the reason for its absence
     loading_time: float | None = None  # time of reading the problem [s]; None if that failed
     crashed: bool = False  # as of a `Row`
@@ -229,8 +228,7 @@ class Done(Generic[_R]):
 
     index: int  # index of the item
     value: _R | None = None  # the returned value; None if the call failed
-    # the exception of the call or of its worker; None if the call returned
-    error: Exception | None = None
+    error: Exception | None = None  # of the call or of its worker; None if the call returned
 
 
 def run_many(

@@ -442,13 +442,13 @@ class StudyResult(RowTable):
         Lists and maps are written as JSON, places as text, notes with semicolons between them.
         """
         paths = [axis.path for axis in self.study.axes]
-        columns = [each.name for each in fields(StudyRow) if each.name not in ("point", "values")]
+        names = [each.name for each in fields(StudyRow) if each.name not in ("point", "values")]
         rows = []
         for row in self.rows:
             texts = {**row.as_dict(), "where": str(row.where), "notes": "; ".join(row.notes)}
             values = [value_text(row.values[path]) for path in paths]
-            rows.append([row.point, *values, *(texts[name] for name in columns)])
-        return csv_text(["point", *paths, *columns], rows)
+            rows.append([row.point, *values, *(texts[name] for name in names)])
+        return csv_text(["point", *paths, *names], rows)
 
 
 # ---- Running: every point planned once, in worker processes, and kept in a journal.

@@ -234,8 +234,8 @@ def sweep(
     """Plan a problem at several tolerances, each from scratch.
 
     Where the motion of a narrower tolerance is faster, and passes the certificate of the wider
-    tube, it is the answer there, and the row's note says so: not with a slack, or errors of the arm
-    to survive.
+    tube, it is the answer there, and the row's note says so. This is not done with a slack or with
+    robustness.
 
     Args:
         problem: The planning problem; its radii are replaced.
@@ -370,8 +370,8 @@ def sweep_field(
     """Plan a problem file at several values of a field, each from scratch.
 
     Where the motion of a neighbouring value is faster, and passes the certificate of the row's own
-    problem, it is the row's answer, and a note says so: not with a slack or errors of the arm to
-    survive, of different periods, or of cycles.
+    problem, it is the row's answer, and a note says so. This is not done with a slack, with
+    robustness, for the field `period`, or for cycles.
 
     Answers are the shortest motions, unless a slack is given or the field is of the objective.
 

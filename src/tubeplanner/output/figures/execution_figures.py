@@ -199,6 +199,8 @@ def _joined(legs: Sequence[ExecutedLeg], bands: Sequence[Band | None]) -> Band:
     )
 
 
+# ---- The tool's paths in planes, and close up.
+
 _STEPS = 300  # lines of a path
 _FLAT = 1e-6  # [m]: a tool that moves less is not shown in that direction
 _TINT = 0.3  # of a segment's colour; the rest is white

@@ -7,25 +7,28 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.limits.binding_limits import OBSTACLES, SELF_COLLISION, Span
 from tubeplanner.limits.rates import RATES, VelocityByPositionLimit
-from tubeplanner.output.curves import _MAX_LABELS, TrajectoryCurves, size_of
-from tubeplanner.output.drawing import LINE_COLORS, REFERENCE_COLOR, segment_color
+from tubeplanner.output.curves import (
+    MAX_LABELS,
+    BindingStrip,
+    LimitedSection,
+    TrajectoryCurves,
+    size_of,
+)
+from tubeplanner.output.drawing import (
+    BINDING_STYLES,
+    LINE_COLORS,
+    OTHER_BINDING,
+    REFERENCE_COLOR,
+    segment_color,
+)
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
-
-from typing import TYPE_CHECKING
-
-from tubeplanner.limits.binding_limits import OBSTACLES, SELF_COLLISION, Span
-from tubeplanner.output.curves import BindingStrip, LimitedSection
-from tubeplanner.output.drawing import BINDING_STYLES, OTHER_BINDING
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 # ---- Panels over time: a quantity, its limits, the tube's segments.
 
@@ -200,7 +203,7 @@ def mark_segments(
         axis.axvspan(begin, end, color=segment_color(group), alpha=0.10, linewidth=0, zorder=0)
         if begin > 0:
             axis.axvline(begin, color="#888888", linewidth=0.8, linestyle=":")
-        if labels and len(visits) <= _MAX_LABELS:
+        if labels and len(visits) <= MAX_LABELS:
             name = _label(curves, group, (end - begin) / last)
             coordinates = axis.get_xaxis_transform()
             axis.text((begin + end) / 2, 1.01, name, transform=coordinates, ha="center", fontsize=7)

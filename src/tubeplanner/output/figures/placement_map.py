@@ -19,13 +19,7 @@ from tubeplanner.output.figures.sweep_figures import (
     status_words,
 )
 from tubeplanner.studies.base_regions import BasePlacement
-from tubeplanner.studies.placement import (
-    BASE_IN_OBSTACLE,
-    KINDS,
-    Placement,
-    PlacementRow,
-    grouped,
-)
+from tubeplanner.studies.placement import BASE_IN_OBSTACLE, KINDS, Placement, PlacementRow, grouped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

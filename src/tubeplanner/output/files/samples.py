@@ -40,7 +40,7 @@ _RUN_OVER = 1e-6
 class ExportSamples:
     """Samples of a trajectory, for a file."""
 
-    samples: TrajectorySamples  # A sample per period, the last one at their duration
+    samples: TrajectorySamples  # a sample per period, the last one at their duration
     rate: float  # [Hz]
     # excess of their duration over the trajectory's, as a fraction; 0 if they lie on it
     slowed: float

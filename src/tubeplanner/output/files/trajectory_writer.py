@@ -45,11 +45,10 @@ class ExportedMotion:
         TrajectoryError: When samples are first needed, if the rate makes too many.
     """
 
-    # of a problem or a cycle: efforts, and samples that keep the limits when joined; a trajectory
-    # alone has neither
+    # a trajectory without a problem has no efforts; its samples may exceed limits when joined
     motion: Motion | JointTrajectory
     method: str | None = None  # method of planning, for the JSON; None: not known
-    # of the samples [Hz]; None: a sample per period of the controller, 500 Hz without a period
+    # rate of samples [Hz]; None: a sample per period of the controller, 500 Hz without a period
     rate: float | None = None
 
     @property

@@ -152,8 +152,7 @@ class _Cell:
     tubes: Sequence[Tube]  # all tubes
     surfaces: Sequence[drawing.Surface]  # of the tubes
     obstacles: Sequence[Obstacle]  # obstacles that nobody moves
-    # function from a motion's index and the radius of lines [m] to the items of tubes, reference
-    # paths and goals
+    # function from a motion's index and the radius of lines [m] to items of tubes, paths, goals
     items: Callable[[int, float], list[Item]]
 
 
@@ -301,8 +300,7 @@ _AXIS_LENGTH, _CONE_LENGTH, _POINTER_LENGTH = 30.0, 60.0, 66.0  # in radii of dr
 class RotationCone:  # a `MovingBody`
     """The cone of a rotation tolerance, while it holds."""
 
-    # on |x|, |y|, |z| of the rotation vector and on its length, shape (4,) [rad]
-    bounds: FloatArray
+    bounds: FloatArray  # of |x|, |y|, |z| of the rotation vector, of its length, shape (4,) [rad]
     poses: FloatArray  # of the reference, at the tool, at T times, base frame, shape (T, 4, 4)
     present: BoolArray  # True while the tolerance holds, shape (T,)
 

@@ -1,8 +1,8 @@
 """Panel of a page: curves, time line, titles, layers, notes, verdict.
 
-A motion consists of stretches, each judged under a problem of its own: a single one, or the legs
-of a cycle. Quantities of stretches are null between stretches. Fractions are whole percent,
-distances tenths of a millimetre: the resolution of a curve.
+A motion consists of sections, each judged under a problem of its own: a single one, or the legs of
+a cycle. Quantities of sections are null between sections. Fractions are whole percent, distances
+tenths of a millimetre: the resolution of a curve.
 """
 
 import os

@@ -32,8 +32,7 @@ _bounds = native_function(
 class LeastClearance:
     """The pair of shapes with the least clearance, in N configurations."""
 
-    # distance of the pair less the required one, negative where too close, shape (N,) [m]; infinite
-    # where no pair is near
+    # distance of the pair beyond the required one, shape (N,) [m]; infinite where no pair is near
     clearance: FloatArray
     pair: IntArray  # index of the pair, shape (N,)
 
@@ -189,8 +188,7 @@ _ENOUGH = 48  # collisions that end a search
 class CounterexampleSearch:
     """The result of a counterexample search in a set."""
 
-    # configurations in which links are too close, shape (C, n); empty if there was none
-    q: FloatArray
+    q: FloatArray  # configurations in which links are too close, shape (C, n); empty if none
     pair: IntArray  # the pair of shapes that is too close in each, shape (C,)
     least_clearance: float  # the least clearance of all samples [m]; infinite if no pair came near
     samples: int  # number of configurations tested

@@ -91,9 +91,7 @@ class RouteCandidate:
 
     space: FreeSpace  # the free configurations
     corners: ToolCorners  # reference points, and configurations between
-    # the least time of the joints at their velocity limits [s]; joints without a limit count with 1
-    # rad/s or 1 m/s
-    joint_time: float
+    joint_time: float  # least time of joints at their velocity limits, else 1 rad/s or 1 m/s [s]
 
 
 def find_route(

@@ -204,10 +204,8 @@ class ToolCorners:
     """Reference points, and configurations along the straight lines between."""
 
     points: FloatArray  # shape (m+1, 3) [m]
-    # per segment, configurations from its start to its end, shape (P_k, n)
-    lines: tuple[FloatArray, ...]
-    # per segment, the samples of the route that the line replaces, shape (R_k, n)
-    parts: tuple[FloatArray, ...]
+    lines: tuple[FloatArray, ...]  # configurations along each segment, shape (P_k, n)
+    parts: tuple[FloatArray, ...]  # samples of the route that each line replaces, shape (R_k, n)
 
 
 def tool_corners(

@@ -76,8 +76,7 @@ class Binding:
     """The collision that bounds a radius or a side of a joint range."""
 
     bound: str  # "radius", or "lower" or "upper" side of the joint's range
-    # links and obstacle that come too close, the joint, and where the tool is then
-    location: Location
+    location: Location  # links and obstacle that come too close, the joint, the tool's position
     configuration: FloatArray  # the configuration of the collision, shape (n,) [rad or m]
 
     def as_dict(self) -> dict[str, Any]:

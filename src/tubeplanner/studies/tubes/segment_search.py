@@ -42,8 +42,7 @@ class Box:
     """The extents of a box in c directions, and the points that end it."""
 
     extent: FloatArray  # shape (c,)
-    # index of the point that ends the box in each direction, -1 for none, shape (c,)
-    blocker: IntArray
+    blocker: IntArray  # index of the point that ends each direction, -1 for none, shape (c,)
 
     @property
     def has_choice(self) -> bool:
@@ -147,8 +146,8 @@ JointBounds: TypeAlias = tuple[FloatArray, FloatArray]
 class SetPreferences:
     """The trade between radius and joint ranges of a set."""
 
-    # extents beyond the branch that a fast trajectory needs, shape (1 + 2n,); a little more is
-    # enough. None: not known, and no radius is enough.
+    # extents beyond the branch that a fast trajectory needs, shape (1 + 2n,), of which a little
+    # more is enough; None: not known, and no radius is enough
     needed: FloatArray | None = None
     # weight of the logarithm of the radius; that of every side of a range is 1
     radius_worth: float = 4.0
@@ -159,8 +158,7 @@ class SegmentSearch:
     """The largest set found for a segment."""
 
     allowed: ConfigurationSet  # the set
-    # its extents beyond the branch in each direction, and the collisions that end it there
-    box: Box
+    box: Box  # its extents beyond the branch, and the collisions that end it there
     preferences: SetPreferences  # the preferences it was searched with
     q: FloatArray  # collisions found during the search, shape (B, n); the blockers of the box
     pair: IntArray  # the pair of shapes that is too close in each, shape (B,)
