@@ -69,8 +69,8 @@ plan cycle:
   - plan {inputs}/cycle.yaml ALL
   - a.json a.csv a.yaml a.png a.html
   - cli.plan:plan_cycle
-view: [view PROBLEM MOTION HTML, a.html, cli.view:load_either_timed]
-plot: [plot PROBLEM MOTION -o OUT/a.svg, a.svg, cli.view:load_either_timed]
+view: [view PROBLEM MOTION HTML, a.html, cli.view:load_task_timed]
+plot: [plot PROBLEM MOTION -o OUT/a.svg, a.svg, cli.view:load_task_timed]
 info: [info PROBLEM PNG, a.png, cli.info:problem_info]
 simulate:
   - simulate PROBLEM MOTION --runs 3 PNG HTML

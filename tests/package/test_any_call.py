@@ -151,7 +151,7 @@ def nothing_is_planned():
         for module in (placement, explain_module):
             patch.setattr(module, "plan", refused)
         for module in (plan_many_module, rows):
-            patch.setattr(module, "plan_either", refused)
+            patch.setattr(module, "plan_task", refused)
         for module in (plan_many_module, rows):
             patch.setattr(module, "WorkerProcesses", lambda: nullcontext(Here()))
         patch.setattr(console, "workers_of", lambda *arguments: nullcontext(None))

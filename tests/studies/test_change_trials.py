@@ -51,7 +51,7 @@ def checked_options(monkeypatch):
         given.append(options)
         return SimpleNamespace(duration=1.0, succeeded=True, stopped_by=None, message="")
 
-    monkeypatch.setattr(rows, "plan_either", answered)
+    monkeypatch.setattr(rows, "plan_task", answered)
     return given
 
 
@@ -135,14 +135,14 @@ def test_what_is_cut_short_says_nothing(monkeypatch):
     for result, ending in ((failed, pytest.raises(TimeLimitReached)), (ended, nullcontext())):
         times = iter([0.0, 9.0])  # before planning and after
         monkeypatch.setattr(module.time, "monotonic", times.__next__)
-        monkeypatch.setattr(rows, "plan_either", lambda problem, options, progress, r=result: r)
+        monkeypatch.setattr(rows, "plan_task", lambda problem, options, progress, r=result: r)
         with ending:
             assert planned_duration((spec, QUICK, 5.0)) == 1.0
 
 
 def test_ctrl_c_while_it_is_planned_is_ctrl_c(monkeypatch):
     kept = SimpleNamespace(duration=1.0, succeeded=True, stopped_by="interrupt")
-    monkeypatch.setattr(rows, "plan_either", lambda *_: kept)
+    monkeypatch.setattr(rows, "plan_task", lambda *_: kept)
     with pytest.raises(KeyboardInterrupt):
         list(trials_of(line()).of([with_effort(1.0)], True))
 

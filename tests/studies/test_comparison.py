@@ -85,7 +85,7 @@ def compared(shared):
         return plan(problem, replace(options, method=STOP) if searches else options, progress)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rows, "plan_either", quick)
+        patch.setattr(rows, "plan_task", quick)
         problem, options = load_problem(PROBLEM), PlanOptions(quality="fast")
         return shared("comparison.of_all", lambda: compare(problem, options=options))
 

@@ -55,7 +55,7 @@ def test_the_hash_is_of_every_bit(monkeypatch):
     coefficients[0, 0, 0] = np.nextafter(coefficients[0, 0, 0], np.inf)
     other = JointTrajectory(["joint1", "joint2"], result.trajectory.breakpoints, coefficients)
     answer = PlanResult(PlanStatus.SUCCESS, "", Location(), "m", other)
-    monkeypatch.setattr(rows, "plan_either", lambda *_: answer)
+    monkeypatch.setattr(rows, "plan_task", lambda *_: answer)
     assert row_of().trajectory_hash != before
 
 
@@ -85,10 +85,10 @@ def test_a_place_travels():
 
 def test_ctrl_c_is_no_answer_and_a_bug_not_taken_for_bad_input(monkeypatch):
     stopped = PlanResult(PlanStatus.SUCCESS, "", Location(), "m", stopped_by="interrupt")
-    monkeypatch.setattr(rows, "plan_either", lambda *_: stopped)
+    monkeypatch.setattr(rows, "plan_task", lambda *_: stopped)
     with pytest.raises(KeyboardInterrupt):
         row_of()
-    monkeypatch.setattr(rows, "plan_either", lambda *_: 1 / 0)
+    monkeypatch.setattr(rows, "plan_task", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         row_of()
 

@@ -109,7 +109,7 @@ def slow_when_wide(monkeypatch):
             return refused_result(Infeasible(PlanStatus.NO_TRAJECTORY, "none", Location()), "m")
         return plan(problem, STOPS if radius > 0.015 else options, progress)
 
-    monkeypatch.setattr(rows, "plan_either", planned)
+    monkeypatch.setattr(rows, "plan_task", planned)
 
 
 @pytest.mark.parametrize("executor", [None, Here()])

@@ -59,7 +59,7 @@ def check(
         except (TypeError, ValueError):
             raise OptionError(f"--tolerance '{tolerance}' is not ABS or ABS,REL") from None
     with console.shown_progress() as enter:
-        loaded, loading_time = console.load_either_timed(problem, enter, changes)
+        loaded, loading_time = console.load_task_timed(problem, enter, changes)
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         own = Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE
         motion = motion_of_file(loaded, trajectory, read)

@@ -23,7 +23,7 @@ from tubeplanner.outcome import Location
 from tubeplanner.writing import require_ending, require_writable, write_files
 
 if TYPE_CHECKING:
-    from tubeplanner.task.cycle import Cycle
+    from tubeplanner.task.motion import Task
     from tubeplanner.task.problem import PlanningProblem
 
 _Loaded = TypeVar("_Loaded")
@@ -156,13 +156,13 @@ def load_timed(
     return _timed(load, enter)
 
 
-def load_either_timed(
+def load_task_timed(
     name: str,
     enter: Callable[[object], None],
     changes: Mapping[str, Any],
     *,
     reads_tube: bool | None = True,
-) -> "tuple[PlanningProblem | Cycle, float]":
+) -> "tuple[Task, float]":
     """Return the problem or cycle of a file, changed by field path, and the loading time [s]."""
     from tubeplanner.task.cycle_file import load_problem_or_cycle
 

@@ -76,12 +76,12 @@ def plan(
     )
     interrupted = False
     with console.shown_progress() as enter:
-        loaded, loading_time = console.load_either_timed(problem, enter, changes)
+        loaded, loading_time = console.load_task_timed(problem, enter, changes)
         files.spare([loaded.robot.urdf.path])
         for each in formats:
             each.require_names(loaded.robot.joint_names)
-        plan_either: Any = plan_cycle if isinstance(loaded, Cycle) else plan_problem
-        result = plan_either(loaded, options, enter)
+        plan_task: Any = plan_cycle if isinstance(loaded, Cycle) else plan_problem
+        result = plan_task(loaded, options, enter)
         if result.succeeded:
             held = hold_interrupts()
             result = _written(files, loaded, result, rate)

@@ -116,7 +116,7 @@ def simulate(
     robustness = Robustness(**options)  # wrong options are refused before anything is loaded
     draw = Draw(runs, seed)
     with console.shown_progress() as enter:
-        loaded, loading_time = console.load_either_timed(problem, enter, changes)
+        loaded, loading_time = console.load_task_timed(problem, enter, changes)
         files.spare([loaded.robot.urdf.path])
         file = read_trajectory_file(trajectory, loaded.robot.joint_names)
         motion = motion_of_file(loaded, trajectory, file)

@@ -41,7 +41,7 @@ def view(
     request = console.Request("view", html, "--html", console.PAGE_ENDINGS)
     console.OutputFiles(request, inputs=[problem, *trajectories])
     with console.shown_progress() as enter:
-        loaded, _ = console.load_either_timed(problem, enter, changes, reads_tube=None)
+        loaded, _ = console.load_task_timed(problem, enter, changes, reads_tube=None)
         motion_view, verdicts = _shown(loaded, trajectories, enter)
         page = motion_view.html.encode()
         enter("writing")
@@ -110,7 +110,7 @@ def plot(
     request = console.Request("plot", target, "-o", FIGURE_ENDINGS)
     files = console.OutputFiles(request, inputs=[trajectory, problem])
     with console.shown_progress() as enter:
-        loaded, loading_time = console.load_either_timed(problem, enter, changes)
+        loaded, loading_time = console.load_task_timed(problem, enter, changes)
         files.spare([loaded.robot.urdf.path])
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         enter("drawing")

@@ -18,7 +18,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import CycleResult, PlanResult
 from tubeplanner.resources import EXAMPLE_PREFIX
 from tubeplanner.studies.problem_spec import ProblemSpec
-from tubeplanner.studies.rows import Row, plan_either, run_many
+from tubeplanner.studies.rows import Row, plan_task, run_many
 from tubeplanner.studies.worker_processes import WorkerProcesses
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.problem import PlanningProblem
@@ -132,7 +132,7 @@ def _answer(call: tuple[Any, PlanOptions]) -> tuple[Any, float]:
         elif isinstance(problem, ProblemSpec):
             problem = problem.load()
         loading_time = perf_counter() - begin
-        result = plan_either(problem, options)
+        result = plan_task(problem, options)
     except TubePlannerError as error:
         return str(error), perf_counter() - begin
     if isinstance(packed, Parcel) and isinstance(problem, PlanningProblem):

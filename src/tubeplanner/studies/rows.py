@@ -30,7 +30,7 @@ from tubeplanner.studies.journal import Journal
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.worker_processes import WorkerProcesses
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.motion import Task
 from tubeplanner.text import csv_text, json_value, short_repr
 
 # ---- The record: one variant of a problem, and the result of its plan.
@@ -191,24 +191,24 @@ def rows_csv(rows: Sequence[Any], texts: Callable[[Any], Mapping[str, str]], **t
     )
 
 
-def plan_either(
-    problem: PlanningProblem | Cycle, options: PlanOptions, progress: ProgressCallback | None = None
+def plan_task(
+    task: Task, options: PlanOptions, progress: ProgressCallback | None = None
 ) -> PlanResult | CycleResult:
     """Plan a problem or a cycle, with the arguments and exceptions of `plan`."""
-    if isinstance(problem, Cycle):
-        return plan_cycle(problem, options, progress)
-    return plan(problem, options, progress)
+    if isinstance(task, Cycle):
+        return plan_cycle(task, options, progress)
+    return plan(task, options, progress)
 
 
 def finished_plan(
-    problem: PlanningProblem | Cycle, options: PlanOptions, progress: ProgressCallback | None = None
+    task: Task, options: PlanOptions, progress: ProgressCallback | None = None
 ) -> PlanResult | CycleResult:
     """Plan a problem or a cycle as a row among others.
 
     Raises:
         KeyboardInterrupt: Ctrl-C, even if a certified motion was there already.
     """
-    result = plan_either(problem, options, progress)
+    result = plan_task(task, options, progress)
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
     return result
