@@ -148,18 +148,18 @@ def section_of(kind: Any, *order: str) -> Callable[[type[_Section]], type[_Secti
     return decorated
 
 
-# ---- Places in the schema of a document.
+# ---- Locations in the schema of a document.
 
 
 @dataclasses.dataclass(frozen=True)
 class SchemaLocation:
-    """Place in the schema of a document."""
+    """Location in the schema of a document."""
 
     kinds: tuple[Any, ...]  # types that are valid here: models, maps, lists and scalars
 
     @classmethod
     def of(cls, *annotations: Any) -> "SchemaLocation":
-        """Return the place of a value with alternative annotations."""
+        """Return the location of a value with alternative annotations."""
         return cls(tuple(_kinds(annotations)))
 
     @property
@@ -178,7 +178,7 @@ class SchemaLocation:
         return bool(self.models) or any(get_origin(kind) is dict for kind in self.kinds)
 
     def below(self, key: object) -> "SchemaLocation | None":
-        """Return the place under a key of a map; None: the key is unknown."""
+        """Return the location under a key of a map; None: the key is unknown."""
         annotations = [get_args(kind)[1] for kind in self.kinds if get_origin(kind) is dict]
         own = [_fields_by_key(model) for model in self.models]
         annotations += [fields[key].annotation for fields in own if key in fields]
@@ -186,7 +186,7 @@ class SchemaLocation:
 
     @property
     def item(self) -> "SchemaLocation":
-        """Place of the items of a list."""
+        """Location of the items of a list."""
         lists = [kind for kind in self.kinds if get_origin(kind) in (list, tuple)]
         return SchemaLocation.of(*(each for kind in lists for each in get_args(kind)))
 

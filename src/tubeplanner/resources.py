@@ -38,11 +38,13 @@ PRESET_ENDINGS = (".yaml", ".yml", ".json")
 _FORMAT = re.compile(r"^format: *tubeplanner/(cycle|study)\b", re.M)
 
 
-# The robots of example-robot-data, below its folder `robots`, by the names of its former loaders
-# package. The distribution has data only, hence this file. It covers releases 5.0 and 6.0; not
-# every robot is in both.
 @cache
 def _example_robots() -> dict[str, str]:
+    """Return the URDFs of example-robot-data, below its folder `robots`, by the name of `example:`.
+
+    The names are those of its former loaders; the distribution itself has data only. Releases 5.0
+    and 6.0 are covered; not every robot is in both.
+    """
     table: dict[str, str] = json.loads(Path(__file__).with_name("example_robots.json").read_text())
     return table
 

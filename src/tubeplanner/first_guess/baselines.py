@@ -55,8 +55,8 @@ _SMOOTHNESS = {"rest", "continuity", "jerk", "effort_rate"}
 class Baseline:
     """The trajectory of a scheme."""
 
-    trajectory: JointTrajectory  # the trajectory
-    note: str  # further information about it
+    trajectory: JointTrajectory
+    note: str  # numbers of the scheme, for reports
 
 
 def conventional(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:

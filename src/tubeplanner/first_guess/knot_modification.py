@@ -20,8 +20,7 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import maxima
 
-# ---- A trajectory through knots at equal times, run as fast as the limits allow (Suh & Bishop
-# 1988).
+# ---- A trajectory through knots at equal times, at the limits (Suh & Bishop 1988).
 
 # The polynomials through knots (K, n), linear in them: sequential quartics or the quartic spline.
 Construction: TypeAlias = Callable[[Sequence[str], FloatArray], JointTrajectory]
@@ -38,7 +37,7 @@ class KnotTrajectory:
 
     knots: FloatArray  # shape (K, n) [rad or m]; the first is the start, the last the goal
     construction: Construction  # builds the polynomials from the knots
-    trajectory: JointTrajectory  # the trajectory, at the limits
+    trajectory: JointTrajectory  # at the limits
 
     @property
     def duration(self) -> float:
@@ -283,13 +282,10 @@ class ModificationOptions:
 
     increment: float = 0.1  # first step of a knot along a revolute joint's axis [rad]
     linear_increment: float = 0.03  # first step of a knot along a prismatic joint's axis [m]
-    # number of times that the increments are halved, each after no direction helped
-    halvings: int = 5
+    halvings: int = 5  # of the increments, each after no direction helped
     growth: float = 1.6  # factor from each step of the line search to the next
-    # least gain that counts as an improvement, as a fraction of the duration
-    min_gain: float = 2e-4
-    # number of nodes after which the search for a direction ends with its best
-    direction_nodes: int = 200
+    min_gain: float = 2e-4  # least gain that counts, as a fraction of the duration
+    direction_nodes: int = 200  # the search for a direction ends after this number of nodes
 
     def __post_init__(self) -> None:
         require_between(self, 0, np.inf, "increment", "linear_increment")

@@ -14,13 +14,11 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 
-# ---- The conventional scheme: straight lines of the tool at trapezoidal speed, a stop at every
-# corner.
+# ---- The conventional scheme: the tool's lines at trapezoidal speed, a stop at every corner.
 #
 # The tool speeds up at constant acceleration, cruises, and slows down at the same rate, on every
 # line of the reference path (Suh & Bishop 1988, their standard of comparison).
 
-PAPER_SPEED, PAPER_ACCELERATION = 0.75, 1.2  # [m/s], [m/s^2]
 _TOLERANCE = 2e-6  # [m] between the tool and its position by the timing
 _MIN_NODES, _MAX_NODES = 16, 2048  # per phase of constant acceleration
 # Fractions of the longest line for speeding up and slowing down: the fastest counts.
@@ -56,7 +54,7 @@ class TrapezoidalSpeed:
         return JointTrajectory(("tool",), times, np.array(parabolas).T[:, :, None])
 
 
-PAPER = TrapezoidalSpeed(PAPER_SPEED, PAPER_ACCELERATION)
+PAPER = TrapezoidalSpeed(speed=0.75, acceleration=1.2)
 
 
 def largest_trapezoidal_speed(problem: PlanningProblem, lines: list[ToolPath]) -> TrapezoidalSpeed:

@@ -112,10 +112,10 @@ class LinkClearance:
 
 # ---- The rules by which phase 1 cuts segments, for many segments at once (Suh & Bishop 1988).
 #
-# - joint_limits (FR-1): a joint leaves its position limits; - duration (FR-3): the lower bound on
-# the whole duration is no better than the known best; - tube (FR-2): the tool leaves the tube,
-# rotates too far there, or a joint leaves its range; - collision (FR-2): a link comes too near to
-# an obstacle or another link.
+# - joint_limits (FR-1): a joint leaves its position limits;
+# - duration (FR-3): the lower bound on the whole duration is no better than the known best;
+# - tube (FR-2): the tool leaves the tube, rotates too far there, or a joint leaves its range;
+# - collision (FR-2): a link comes too near to an obstacle or another link.
 #
 # Segments are tested at a few samples, which can only be too lenient.
 
@@ -251,7 +251,7 @@ class SegmentRules:
         not complete has at least two more, to the next waypoint and on to the goal; each takes at
         least 1 / B and the least time of its velocity limits. (Suh & Bishop 1988, FR-3: LB =
         eta1 + eta2 + eta3, with B taken over the whole new segment, where eta2 cannot exceed its
-        share of 1 / B.)
+        part of 1 / B.)
         """
         with np.errstate(divide="ignore"):
             interval = 1 / batch.factor

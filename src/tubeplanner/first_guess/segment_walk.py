@@ -93,7 +93,7 @@ def bounded_components(tube: RotationalTube, segment: int) -> BoolArray:
 def wanted_at(
     problem: PlanningProblem, point: FloatArray, segment: int, near: FloatArray | None = None
 ) -> WantedRotation | None:
-    """Return the tool's target orientation at a point; None if no rotation is bounded.
+    """Return the tool's target orientation at a point (3,) [m]; None if no rotation is bounded.
 
     It has the rotation vector of the configuration `near` (n,); None: the reference. After the last
     segment, it is the goal's.

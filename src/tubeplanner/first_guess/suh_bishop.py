@@ -41,15 +41,14 @@ _BUDGET_FRACTIONS = (0.5, 0.85)
 class SuhBishopOptions:
     """Options of phase 2; the paper gives none of these numbers."""
 
-    # options of the modification process
+    # of the modification process (MP)
     modification: ModificationOptions = field(default_factory=ModificationOptions)
     fewer_knots: int = 1  # MP also begins with up to this many knots less than phase 1's trajectory
     more_knots: int = 4  # MP also begins with up to this many knots more
     doubled: int = 3  # number of the fastest trajectories doubled first; from then on, one
     min_gain: float = 3e-3  # doubling ends when it gains less than this fraction of the duration
     max_knots: int = 34  # trajectories are not doubled to more knots
-    # number of nodes of the searches for a direction after which phase 2 ends, about
-    node_budget: int = 40_000
+    node_budget: int = 40_000  # phase 2 ends after about this number of nodes of its searches
 
     def __post_init__(self) -> None:
         require_kind(self, "modification", ModificationOptions)

@@ -159,10 +159,9 @@ _PROBES = (0.25, 0.5, 0.75)  # of every step
 class ToolPath:
     """A path in joint space whose tool is on a curve."""
 
-    # the path over the arc length in joint space [rad or m], which it runs at about unit speed:
-    # cubics, C2
+    # cubics, C2, over the arc length in joint space [rad or m], at about unit speed
     joints: JointTrajectory
-    curve: ToolCurve  # the tool's curve
+    curve: ToolCurve
     segment: int  # number, for messages, of the tube's segment in which it begins
 
 

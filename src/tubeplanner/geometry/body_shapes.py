@@ -51,7 +51,7 @@ class BodyShape:
     shape: ConvexShape  # in the body's frame
 
 
-class _PlacedShapes(threading.local):
+class _ThreadShapes(threading.local):
     """Shapes that FCL moves to be measured; each thread has its own."""
 
     def __init__(self, shapes: Sequence[BodyShape]) -> None:
@@ -119,7 +119,7 @@ class BodyShapes:
         """Take shapes on the links of a robot."""
         self.robot = robot
         self.shapes = list(shapes)
-        self._placed = _PlacedShapes(self.shapes)
+        self._placed = _ThreadShapes(self.shapes)
 
     def _add(self, shapes: Sequence[BodyShape]) -> None:
         """Append shapes."""
@@ -127,7 +127,7 @@ class BodyShapes:
             self.shapes += shapes
             for derived in ("_bodies", "_boxes", "_native", "_spheres"):
                 vars(self).pop(derived, None)
-            self._placed = _PlacedShapes(self.shapes)
+            self._placed = _ThreadShapes(self.shapes)
 
     def __getstate__(self) -> dict[str, Any]:
         addresses = ("_placed", "_native")
@@ -135,7 +135,7 @@ class BodyShapes:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self._placed = _PlacedShapes(self.shapes)
+        self._placed = _ThreadShapes(self.shapes)
 
     def distances(self, rotation: FloatArray, position: FloatArray, pairs: IntArray) -> FloatArray:
         """Return lower bounds on the signed distances of pairs at one configuration, (P,) [m].

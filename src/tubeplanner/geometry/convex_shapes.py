@@ -108,7 +108,7 @@ class ConvexShape:
         return float(np.linalg.norm(self.vertices - point, axis=1).max()) + self.radius
 
     def transformed(self, placement: FloatArray) -> "ConvexShape":
-        """Return the shape vertices by a rotation and a translation, shape (4, 4)."""
+        """Return the shape moved by a rotation and a translation, shape (4, 4)."""
         vertices = self.vertices @ placement[:3, :3].T + placement[:3, 3]
         return ConvexShape(read_only(vertices), self.radius, self.known_faces)
 

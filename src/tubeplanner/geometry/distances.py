@@ -305,9 +305,9 @@ def separating_directions(
     ends as soon as its gap is `enough`, or at most `loose` short of the distance [m]. Gaps are
     never above the distances, except by rounding. Vectors point from the first towards the second
     hull, in the frame of the second. Where hulls overlap a gap is negative, and says nothing about
-    the depth. The first set (V, 3) has rotations (N, 3, 3)
-    and origins (N, 3) in the frame of the second (W, 3); iterations begin with gaps (N, 3) from any
-    point of the first hull to any of the second [m].
+    the depth. The first set (V, 3) has rotations (N, 3, 3) and origins (N, 3) in the frame of the
+    second (W, 3); iterations begin with gaps (N, 3) from any point of the first hull to any of the
+    second [m].
     """
     bound, normal = np.full(len(gap), -np.inf), np.zeros_like(gap)
     live, upper = np.arange(len(gap)), np.full(len(gap), np.inf)

@@ -311,7 +311,7 @@ class _Piece(NamedTuple):
 
     rank: float  # minus the distance from the surface, where that matters [m]
     number: int  # in the order in which pieces were cut
-    piece: MeshPiece  # the piece
+    piece: MeshPiece
     probes: FloatArray | None  # probes near it, shape (N, 3) [m]
     matters: float  # upper bound on the part of its distance that matters [m]
 

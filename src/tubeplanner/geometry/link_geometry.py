@@ -70,7 +70,7 @@ class LinkPart:
 
     element: LinkElement  # in the frame of the link
     placement: FloatArray  # of the element in the frame of the link's body, shape (4, 4)
-    mesh: MeshFile | None  # the mesh; None for other kinds
+    mesh: MeshFile | None  # None for other kinds
 
     @cached_property
     def _shape(self) -> ConvexShape:

@@ -315,9 +315,9 @@ class MeshFile:
     Every member raises RobotError if the file is no readable mesh.
     """
 
-    owner: str  # the owner in messages
+    owner: str  # link or obstacle, in messages
     path: Path  # STL, OBJ, DAE or another format that trimesh reads
-    scale: float | Sequence[float] | None = None  # A factor, or a factor per axis; None: 1
+    scale: float | Sequence[float] | None = None  # a factor, or a factor per axis; None: 1
 
     @cached_property
     def key(self) -> str | None:

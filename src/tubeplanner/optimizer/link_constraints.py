@@ -47,10 +47,10 @@ def of_corners(
     closest: ClosestPoints,
     corner: IntArray,
 ) -> ClosestPoints:
-    """Return the closest points of E pairs, some at a corner of the smaller shape.
+    """Return the closest points of pairs (E, 2), some at a corner of the smaller shape.
 
-    Poses are of all bodies. Corners are numbered among the nearest, in the order of the shape's
-    vertices, from 0 to 3; of a pair with -1 the closest points stay.
+    Poses of all bodies are (E, bodies, 3, 3) and (E, bodies, 3) [m]. Corners (E,) are numbered from
+    0 to 3 among the nearest, in the order of the vertices; of a pair with -1 the points stay.
     """
     distance, first, second = (
         values.copy() for values in (closest.distance, closest.first, closest.second)
@@ -332,7 +332,7 @@ class EvaluatedLinks:
 
     is_elastic: ClassVar[bool] = True
 
-    problem: PlanningProblem  # the planning problem
+    problem: PlanningProblem
     at: SampledSpline  # the spline at those instants
     pairs: IntArray  # indices of the shapes, shape (E, 2)
     distance: FloatArray  # that steps aim at, shape (E,) [m]

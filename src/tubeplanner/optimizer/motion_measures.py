@@ -117,8 +117,7 @@ class MeasureModel:
 
     curvature: FloatArray  # its second derivatives by the residuals, >= 0, shape (M, R)
     slope: FloatArray  # its first derivatives by the residuals, shape (M, R)
-    # the residuals' derivatives by the control points of the interval and the next, shape (M, R, 5
-    # n)
+    # the residuals' derivatives by the control points of the interval and the next, (M, R, 5 n)
     control: FloatArray
     switching: FloatArray  # the residuals' derivatives by the switching times, shape (M, R, S)
 
@@ -314,9 +313,9 @@ _LOOKS = 200
 
 
 def smoothness_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: float) -> Weighted:
-    """Return effort rate, effort variation and jerk, in the scales of a motion of a duration."""
-    option_sets = spline.grid.samples_at(spline.switching_times, np.linspace(0.0, 1.0, _LOOKS))
-    at = sampled(spline, option_sets)
+    """Return effort rate, effort variation and jerk, scaled by a motion of a duration [s]."""
+    samples = spline.grid.samples_at(spline.switching_times, np.linspace(0.0, 1.0, _LOOKS))
+    at = sampled(spline, samples)
     travel = np.ptp(at.position, axis=0)
     limit = problem.robot.limits.effort
     q, v, a = at.by_x[:3]

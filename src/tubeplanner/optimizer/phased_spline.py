@@ -227,7 +227,7 @@ EvaluationPoints: TypeAlias = Samples | VelocityHull
 class PhasedSpline:
     """A spline over phases with its control points, without a duration."""
 
-    grid: KnotGrid  # the knots
+    grid: KnotGrid
     switching_times: FloatArray  # ends of the phases in time x, from 0 to 1, shape (m+1,)
     control_points: FloatArray  # shape (K, n)
 
@@ -267,7 +267,7 @@ class PhasedSpline:
 class SampledSpline:
     """A spline over phases at N points."""
 
-    spline: PhasedSpline  # the spline
+    spline: PhasedSpline
     evaluation_points: EvaluationPoints  # the N points
     basis: FloatArray  # weights of the four control points that count, shape (orders, N, 4)
     # position and derivatives by x, as many as there are weights, shape (orders, N, n)
@@ -275,7 +275,7 @@ class SampledSpline:
 
     @property
     def position(self) -> FloatArray:
-        """Shape (N, n)."""
+        """Positions of the joints, shape (N, n) [rad or m]."""
         return self.by_x[0]
 
     @property

@@ -231,15 +231,15 @@ def _largest_change(control: FloatArray, switching: FloatArray, size: StepSize) 
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedSpeedLimit:
-    """A limit of I quantities at N samples of a spline; `EvaluatedRows`."""
+    """A limit of I quantities at N samples of a spline, one of `EvaluatedRows`."""
 
     is_elastic: ClassVar[bool] = False
 
-    limit: SpeedLimit  # the limit
+    limit: SpeedLimit
     at: SampledSpline  # the spline at the samples
     path: PathSamples  # the arm there
     numbers: IntArray  # of the limit's keys among those of all limits
-    # By duration: after a step that was rejected, the same rows are requested again.
+    # by duration: after a step that was rejected, the same rows are requested again.
     _changes: dict[float, Mapping[int, FloatArray]] = field(default_factory=dict, repr=False)
 
     @cached_property

@@ -1,9 +1,11 @@
 """The program of one step over all legs: native banded solver, or PIQP.
 
-It minimises the sum over legs of duration * eta + penalty * elastic + gradient . z + x . hessian
-. x / 2 under the rows, z being a leg's configurations and switching times, and x its V variables:
-z, eta, elastic. A leg has F configurations of n joints and m-1 switching times. Legs may have
-common variables.
+It minimises the sum over legs of
+
+    duration * eta + penalty * elastic + gradient . z + x . hessian . x / 2
+
+under the rows, z being a leg's configurations and switching times, and x its V variables: z, eta,
+elastic. A leg has F configurations of n joints and m-1 switching times; legs may share variables.
 """
 
 from collections.abc import Sequence
@@ -59,7 +61,7 @@ class SymmetricEntries:
         return SymmetricEntries(row, column, value, self.size)
 
     def among(self, variables: IntArray, size: int) -> "SymmetricEntries":
-        """Return the matrix over `size` variables, the numbers of its own being given."""
+        """Return the matrix over `size` variables, of which `variables` are its own."""
         return SymmetricEntries(variables[self.row], variables[self.column], self.value, size)
 
     def product(self, x: FloatArray) -> FloatArray:

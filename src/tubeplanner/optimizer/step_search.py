@@ -225,7 +225,7 @@ def limit_costs(
     by_row = np.maximum(step.multipliers * gained[:count], 0.0)
     np.add.at(costs, limit[:count][has_limit], by_row[has_limit])
     for k in np.flatnonzero(costs > plausible):
-        risen = _solved(linear, _TOLERANCE, _RISE * gained * (limit == k))
+        risen = _solved(linear, _RISE * gained * (limit == k))
         if risen is not None:
             costs[k] = max(step.duration - risen.duration, 0.0) / _RISE
     return costs
@@ -246,13 +246,11 @@ def _exact_step(linear: Linearization) -> Step | None:
     if cost < _FRACTION_OF_PENALTY * linear.penalty:
         return exact
     spare = max(_SPARE_FRACTION * exact.elastic, _MIN_SPARE)
-    return _solved(linear, _TOLERANCE, spare * elastic) or exact
+    return _solved(linear, spare * elastic) or exact
 
 
-def _solved(
-    linear: Linearization, tolerance: float, extra: FloatArray | float = 0.0
-) -> Step | None:
-    """Return the step of the program whose rows have some more slack."""
+def _solved(linear: Linearization, extra: FloatArray) -> Step | None:
+    """Return the step of the program whose rows have some more slack, shape (R,)."""
     columns = shared_columns([linear.shape], [False])
-    steps = step_program([linear.block(linear.plain, extra)], columns).solve(tolerance)
+    steps = step_program([linear.block(linear.plain, extra)], columns).solve(_TOLERANCE)
     return None if steps is None else steps[0]

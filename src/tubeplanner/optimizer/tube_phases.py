@@ -339,14 +339,14 @@ def _squared_distances(points: FloatArray, begin: FloatArray, end: FloatArray) -
 # are within r of the old one: between two segments, distances lie between those at their ends. So
 # segments keep their order, their numbers and their conditions.
 
-# Shares of the radius by which points may move; the first that leaves no bends sharper than this
+# Fractions of the radius by which points may move; the first that leaves no bends sharper than this
 # [rad over the length of a radius], or the last that reduces the sharpest by a tenth at least.
 _SLACKS, _GENTLE, _SMOOTHER = (0.5, 0.8), 1.0, 0.9
 # Largest distance of a given start or goal from its reference point, in radii.
 _MAX_AT_ENDS = 0.9
 # A larger turn of a path over some radii is no noise, and the tool must go there [rad].
 _BACKWARDS = np.radians(150)
-# Of the splitting method; distances settle to a thousandth of the room.
+# Of the splitting method; distances settle to a thousandth of the slack.
 _STEPS, _COUPLING, _OVERSHOOT = 200, 0.1, 1.6
 _MIN_STEP = 0.3  # of the usual one
 

@@ -125,7 +125,7 @@ class SignChanges(NamedTuple):
 
 
 def sign_changes(coefficients: FloatArray, widths: FloatArray) -> SignChanges:
-    """Return the sign changes of n piecewise polynomials inside their pieces of some widths [s].
+    """Return the sign changes of n piecewise polynomials inside pieces of widths (pieces,) [s].
 
     Coefficients are (degree+1, pieces, n), highest power first. A polynomial that only touches 0
     may be missing.

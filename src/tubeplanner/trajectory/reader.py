@@ -59,7 +59,7 @@ class GivenSamples:
 class TrajectoryFile:
     """A trajectory with its origin."""
 
-    trajectory: JointTrajectory  # the trajectory
+    trajectory: JointTrajectory
     # polynomials between the samples; None if the file holds polynomials
     interpolation: str | None = None
     problem_hash: str | None = None  # of the problem of the trajectory; None if the file has none
@@ -469,7 +469,7 @@ def _from_samples(
 def joined_samples(
     joint_names: Sequence[str], time: FloatArray, values: Sequence[FloatArray]
 ) -> JointTrajectory:
-    """Return samples joined by `hermite_pieces`, of positions and their derivatives (N, n) each."""
+    """Return samples at times (N,) [s], joined by `hermite_pieces`; values are (N, n) each."""
     return JointTrajectory(joint_names, time, hermite_pieces(time, values))
 
 
