@@ -201,9 +201,9 @@ class Question:
         nearest = begin + np.clip(fraction, 0, 1)[:, None] * along
         return int(np.linalg.norm(position - nearest, axis=1).argmin())
 
-    def per_segment(self, given: Any) -> list[Any]:
+    def per_segment(self, value: Any) -> list[Any]:
         """Return a value for all segments, or for each, as a list of m."""
-        return list(given) if isinstance(given, list | tuple) else [given] * self.segment_count
+        return list(value) if isinstance(value, list | tuple) else [value] * self.segment_count
 
     def load(self, changes: Mapping[str, Any] | None = None) -> PlanningProblem:
         """Return the problem with other values by field path.

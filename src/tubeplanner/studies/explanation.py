@@ -286,18 +286,18 @@ def explain(
 
 def setting_text(changes: Mapping[str, Any]) -> str:
     """Return the options --set of values by field path, quoted for a shell."""
-    pairs = (f"{path}={value_text(value)}" for path, value in changes.items())
+    pairs = (f"{path}={_yaml_text(value)}" for path, value in changes.items())
     return " ".join(f"--set {quote(pair)}" for pair in pairs)
 
 
-def value_text(value: Any) -> str:
+def _yaml_text(value: Any) -> str:
     """Return the value of a field in the syntax of a problem file, without line breaks."""
     if isinstance(value, float) and isinf(value):
         return ".inf" if value > 0 else "-.inf"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(value_text, value))}]"
+        return f"[{', '.join(map(_yaml_text, value))}]"
     if isinstance(value, dict):
-        pairs = (f"{value_text(key)}: {value_text(each)}" for key, each in value.items())
+        pairs = (f"{_yaml_text(key)}: {_yaml_text(each)}" for key, each in value.items())
         return f"{{{', '.join(pairs)}}}"
     return json.dumps(value)
 

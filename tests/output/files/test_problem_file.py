@@ -434,8 +434,8 @@ def test_changes_are_written_above_what_is_included(folder, changes, monkeypatch
 def test_a_trails_cell_has_what_is_included_but_no_tube(folder):
     cell = read_cell(None, None, None, str(folder / "main.yaml"))
     assert cell.fields["include"] == "cells/cell.yaml"
-    assert not {"tube", "start", "goal"} & (cell.fields.keys() | cell.known_keys.keys())
-    assert cell.known_keys["robot"]["urdf"] == "cells/arms/two_link.urdf"
+    assert not {"tube", "start", "goal"} & (cell.fields.keys() | cell.merged.keys())
+    assert cell.merged["robot"]["urdf"] == "cells/arms/two_link.urdf"
 
 
 def test_obstacles_of_a_file_are_those_with_its_included_ones(folder, monkeypatch):

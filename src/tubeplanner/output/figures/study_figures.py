@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
 _COLUMNS = {4: 2}  # of panels, by the number of fields; else three
 
 

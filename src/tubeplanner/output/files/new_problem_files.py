@@ -203,7 +203,7 @@ class Cell:
     """A robot and its surroundings, from a problem file."""
 
     fields: Any  # the problem file's own fields, without tube, start and goal
-    known_keys: Any  # the fields with included files, without tube, start and goal
+    merged: Any  # the fields with included files, without tube, start and goal
     replaced: Mapping[str, Any]  # tube, start and goal of the problem file, included files counted
     folder: Path  # base of relative paths
     source: str  # name in messages
@@ -245,9 +245,7 @@ def taught_problem(
     notes name what stays and what does not, and how the trail was read.
     """
     ends: dict[str, Any] = {"start": {"joints": []}, "goal": {"joints": []}}
-    robot = robot_of(
-        check_fields(ProblemFields, {**cell.known_keys, **ends}, cell.source), cell.folder
-    )
+    robot = robot_of(check_fields(ProblemFields, {**cell.merged, **ends}, cell.source), cell.folder)
     read = read_trajectory_file(path, robot.joint_names)
     trajectory = read.trajectory
     if read.interpolation is None:
@@ -259,7 +257,7 @@ def taught_problem(
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from None
     ends = {"start": {"joints": trail[0].tolist()}, "goal": {"joints": trail[-1].tolist()}}
-    problem = parse_problem({**cell.known_keys, **ends}, cell.folder, path.stem, reads_tube=False)
+    problem = parse_problem({**cell.merged, **ends}, cell.folder, path.stem, reads_tube=False)
     fields = cell.replaced.get("tube", {})
     fields_kept = {
         key: value for key in _KEPT if (value := _of_all_segments(fields, key)) is not None
@@ -270,10 +268,8 @@ def taught_problem(
         for key, value in fields_kept.items()
     ]
     has_rotation = "rotation_tolerance" in fields_kept
-    known_keys = (*fields_kept, *["orientations"] * has_rotation)
-    notes += notes_on_dropped(
-        cell.replaced, known_keys, "reference points and ends are the trail's"
-    )
+    names = (*fields_kept, *["orientations"] * has_rotation)
+    notes += notes_on_dropped(cell.replaced, names, "reference points and ends are the trail's")
     if has_rotation:
         fields_kept["orientations"] = quaternion_of_matrix(robot.tool_pose(trail[[0, -1]])[0])
     problem = problem.with_tube(replace(problem.tube, **fields_kept))

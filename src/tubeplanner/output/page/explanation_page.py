@@ -57,15 +57,11 @@ def view_explanation(explanation: Explanation) -> View:
 def _findings(explanation: Explanation) -> dict[str, Any]:
     """Return the findings of the panel, as JSON values."""
     if explanation.is_possible:
-        title, lines = (
-            "How much worse one of these may become",
-            list(map(_headroom, explanation.headrooms)),
-        )
+        title = "How much worse one of these may become"
+        lines = list(map(_headroom, explanation.headrooms))
     elif explanation.remedies:
-        title, lines = (
-            "Any one of these makes it possible",
-            list(map(_remedy, explanation.remedies)),
-        )
+        title = "Any one of these makes it possible"
+        lines = list(map(_remedy, explanation.remedies))
     else:
         title, lines = "No single change was found that makes it possible", []
     more = []

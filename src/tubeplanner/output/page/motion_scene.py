@@ -234,10 +234,8 @@ def solid_items(
 def obstacle_items(i: int, obstacles: Iterable[Obstacle]) -> Iterator[Item]:
     """Yield the obstacles."""
     for each in obstacles:
-        surface, color = (
-            drawing.joined(map(drawing.shape_surface, each.shapes)),
-            drawing.rgb(drawing.OBSTACLE_COLOR),
-        )
+        surface = drawing.joined(map(drawing.shape_surface, each.shapes))
+        color = drawing.rgb(drawing.OBSTACLE_COLOR)
         yield Item(Layer.OBSTACLES, i, each.name, surface, color, 0.55, is_smooth=False)
 
 
