@@ -44,9 +44,9 @@ class Quantity:
     derivatives: int  # number of derivatives of the joint positions that it depends on
     # from joint positions and these derivatives, each (N, n), to the values, (N, c)
     values: Callable[..., FloatArray]
-    # from bounds on the Taylor coefficients of the joint positions over I intervals, shape (orders,
-    # I, n), in widths of the intervals, and from these widths (I,) [s], to bounds on the
-    # coefficients of the quantity, shape (orders - derivatives, I, c)
+    # from bounds on the Taylor coefficients of joint positions, (orders, I, n), and widths of the I
+    # intervals, (I,) [s], to bounds on those of the quantity, (orders - derivatives, I, c); time
+    # runs from 0 to 1 over each interval
     majorant: Callable[[FloatArray, FloatArray], FloatArray]
 
 

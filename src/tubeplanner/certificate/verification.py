@@ -290,7 +290,7 @@ class CycleCertificate:
         return not self.failures()
 
     def failures(self) -> list[str]:
-        """Return the failed conditions, as "MOVE: CONDITION" or "SEAM: CONDITION"."""
+        """Return the failed conditions, as "MOVE: CONDITION" or "JUNCTION: CONDITION"."""
         failures = [f"{move}: start" for move in self.refused]
         failures += [f"{move}: {c}" for move, each in self.moves.items() for c in each.failures()]
         for junction, conditions in self.junctions.items():
@@ -424,8 +424,8 @@ def _judged_stay(motion: CycleMotion, junction: int, begin: float, end: float) -
         starts = [*part.coefficients[-1], *starts]
     if len(travelled) < 2:
         return not_required("rad", "the arm does not dwell here")
-    locations = np.array([*stops, *starts])
-    farthest = (abs(locations - locations[0]) + travelled).max(axis=0)
+    q = np.array([*stops, *starts])
+    farthest = (abs(q - q[0]) + travelled).max(axis=0)
     return _judged_gap(motion.cycle.robot, farthest, begin, FOR_ALL_TIMES)
 
 

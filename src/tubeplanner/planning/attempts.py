@@ -32,7 +32,7 @@ _RESERVE_AT = 0.25
 
 
 class _Planning:
-    """A problem, and what the attempts at it have so far.
+    """The state of the attempts at a problem.
 
     Attributes:
         method: The method; tubes whose segments have no order are searched, not refined.

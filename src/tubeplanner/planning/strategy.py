@@ -235,7 +235,7 @@ def plan_cycle(
         if shares_configurations and stopped_by is None:
             shared, stopped_by = until_stopped(partial(shared_plan, cycle, greedy, options, clock))
         for plans in [shared, greedy] if shared else [greedy]:
-            result = _answer(cycle, plans, greedy, options, clock, stopped_by)
+            result = _cycle_result(cycle, plans, greedy, options, clock, stopped_by)
             if result.succeeded:
                 break
     except BlockedLeg as blocked:
@@ -243,9 +243,9 @@ def plan_cycle(
     return replace(result, notes=(*doubts, *result.notes))
 
 
-def _answer(
+def _cycle_result(
     cycle: Cycle,
-    plans: Sequence[LegPlan],
+    shortest: Sequence[LegPlan],
     greedy: Sequence[LegPlan],
     options: PlanOptions,
     clock: PlanningClock,
@@ -253,10 +253,10 @@ def _answer(
 ) -> CycleResult:
     """Return the result of all legs from their shortest motions, judged as a single motion."""
     if stopped_by is not None:  # then motions stay as they are, but for whole periods
-        plans = [
-            replace(plan, result=replace(plan.result, stopped_by=stopped_by)) for plan in plans
+        shortest = [
+            replace(plan, result=replace(plan.result, stopped_by=stopped_by)) for plan in shortest
         ]
-    shortest, plans = plans, []
+    plans: list[LegPlan] = []
     for k, plan in enumerate(shortest):
         problem = replace(plan.problem, start=plan.begin, goal=plan.end)
         with clock.within(cycle.label(k)):

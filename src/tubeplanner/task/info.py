@@ -28,7 +28,7 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import ProblemFields
 from tubeplanner.task.problem_reader import load_problem, robot_arguments
 
-_Task = TypeVar("_Task", bound=PlanningProblem | Cycle)
+_Task = TypeVar("_Task", bound=Task)
 
 # ---- Files of problems and cycles.
 
