@@ -25,6 +25,8 @@ MIXED = {"tube.radius": [0.03, 0.05, None], "tube.cross_section": [None, None, B
 PAIR = {"links": ["link2", "post.1"], "clearance": 0.02}
 BAR = {"name": "bar", "box": [0.02, 0.02, 0.02], "position": [0.1, 0.0, 0.1]}
 EFFORT, POSITION = "robot.limits.effort", "robot.limits.position"
+MARGIN, SOFT_TEXT = f"{POSITION}_margin", "joint2: margin from position limits"
+SOFT = {MARGIN: 1.0}
 TABLE = {"position": [-1.0, 1.0], "effort": [20.0, 30.0]}
 PAYLOAD = {"mass": 5.0, "com": [0.0, 0.0, 0.0], "inertia": [0.01, 0.01, 0.01, 0, 0, 0]}
 HERE = [0.1, -1.2]
@@ -66,6 +68,7 @@ def worse(question):
         (better, REGION, "goal.tolerance", 0.0125, "goal.tolerance 20 -> 32.5 mm", 0.0325),
         (better, TIMED, "objective.duration", 0.25, "objective.duration 500 -> 750 ms", 0.75),
         (better, TIMED, "objective.duration", 1.5, "objective.duration 0.5 -> 2 s", 2),
+        (better, SOFT, f"{MARGIN}.joint2", 0.5, f"{SOFT_TEXT} 1 -> 0.5 rad", [1, 0.5]),
         (better, IN_PERIODS, "objective.duration", 0.21, "objective.duration 500 -> 800 ms", 0.8),
     ],
 )
@@ -336,14 +339,15 @@ def test_one_joint_has_more_effort(given, before, value, scale):
 @pytest.mark.parametrize("margin", [0.0, 0.125])
 @pytest.mark.parametrize("given", [{"joint2": [-3.0, 0.5]}, [[-6.0, 6.0], [-3.0, 0.5]]])
 def test_one_end_of_a_range_is_moved_outwards(given, margin):
-    question = asked({POSITION: given, f"{POSITION}_margin": margin})
+    question = asked({POSITION: given, f"{POSITION}_margin": {"joint1": margin}})
     for end, sign in (("lower", -1), ("upper", 1)):
         change = the(limit_changes(question), f"{POSITION}.joint2", end)
         both = [-3.0, 0.5]
         assert (change.before, change.unit, change.about) == (both, "rad", {"joint2"})
         wider = made(question, change, 0.25).robot.limits
-        expected = [both[0] - 0.25 * (sign < 0) + margin, both[1] + 0.25 * (sign > 0) - margin]
+        expected = [both[0] - 0.25 * (sign < 0), both[1] + 0.25 * (sign > 0)]
         np.testing.assert_allclose([wider.lower_position[1], wider.upper_position[1]], expected)
+        assert wider.lower_position[0] == question.robot.limits.lower_position[0]
 
 
 def test_the_payload_is_lighter_or_heavier():

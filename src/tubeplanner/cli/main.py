@@ -133,7 +133,8 @@ def cli() -> None:
     """Plan a smooth, certified trajectory of a robot arm whose tool stays in a tube.
 
     PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one; plan, check,
-    info, view, plot and simulate take cycle files too. STUDY is a file of many plans.
+    info, view, plot, simulate, study and sweep --vary take cycle files too. STUDY is a file of many
+    plans.
     """
 
 

@@ -275,6 +275,12 @@ class JointLimits:
             allowed[..., each.joint] = each.allowed(q[..., each.joint], sign)
         return allowed
 
+    def range_text(self, joint: int) -> str:
+        """Return the position limits of a joint as text, less the margin from them."""
+        text = f"[{self.lower_position[joint]:g}, {self.upper_position[joint]:g}]"
+        margin = np.broadcast_to(self.position_margin, self.lower_position.shape)[joint]
+        return text + (f", less position_margin {margin:g}" if margin > 0 else "")
+
     def clip(self, q: FloatArray) -> FloatArray:
         """Return configurations (..., n), each value clipped to its position limits."""
         return np.clip(q, self.lower_position, self.upper_position)

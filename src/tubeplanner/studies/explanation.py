@@ -334,6 +334,10 @@ _KINDS = (
         *("robot.limits.position.", "", "position limits of", "position limits of joints"),
         "by up to a turn",
     ),
+    (
+        *("robot.limits.position_margin.", "", "position_margin of", "position_margin of joints"),
+        "down to nothing",
+    ),
     ("robot.payload.mass", "", "payload", "", "down to nothing"),
     ("robot.attached.", ".position", "attached solid", "attached solids", "moved by up to 1 m"),
     ("obstacles.", ".position", "obstacle", "obstacles", "moved by up to 1 m"),

@@ -293,8 +293,7 @@ class PlanningProblem:
             name = self.robot.joint_names[joint]
             raise ContradictionError(
                 f"{what}: joint '{name}' at {q[joint]:g} is outside its "
-                f"position limits [{limits.lower_position[joint]:g}, "
-                f"{limits.upper_position[joint]:g}] (radians and metres are meant)",
+                f"position limits {limits.range_text(int(joint))} (radians and metres are meant)",
                 Location(joint=name),
                 configuration=q,
             )
@@ -372,9 +371,8 @@ class PlanningProblem:
             gap = lower[segment, joint] - upper[segment, joint]
             raise ContradictionError(
                 f"tube.joint_signs: joint '{names[joint]}' has no value left in segment {number}: "
-                f"signs and position limits [{limits.lower_position[joint]:g}, "
-                f"{limits.upper_position[joint]:g}] ask for >= {lower[segment, joint]:g} and <= "
-                f"{upper[segment, joint]:g}",
+                f"signs and position limits {limits.range_text(joint)} ask for "
+                f">= {lower[segment, joint]:g} and <= {upper[segment, joint]:g}",
                 Location(joint=names[joint], segment=number),
                 proved=(self.tube.visit == "ordered" and gap > 2 * MARGIN_TOLERANCE) or None,
             )

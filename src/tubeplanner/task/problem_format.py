@@ -47,7 +47,7 @@ def require_problem(document: Any, source: str) -> None:
     if is_cycle(document):
         raise ProblemError(
             f"{source}: this is a cycle, where one problem is needed; plan, check, info, view, "
-            "plot and simulate take cycles, and load_cycle in Python"
+            "plot, simulate, study and sweep --vary take cycles, and load_cycle in Python"
         )
     if is_study(document):
         raise ProblemError(
