@@ -5,7 +5,7 @@ Autodoc would write the module that defines a public name, and the type behind a
 
 import re
 from functools import cached_property
-from typing import Any
+from typing import Any, get_type_hints
 
 from docutils.nodes import Element
 
@@ -22,9 +22,11 @@ def setup(app: Any) -> None:
     """Connect to Sphinx."""
     app.connect("missing-reference", _resolved_public_name)
     app.connect("autodoc-process-signature", _with_array_aliases)
-    for name in tubeplanner.__all__:
-        for member in vars(getattr(tubeplanner, name)).values() if name[0].isupper() else ():
+    for kind in (getattr(tubeplanner, name) for name in tubeplanner.__all__ if name[0].isupper()):
+        for member in vars(kind).values():
             _name_array_of(member)
+        for annotated in (kind, kind.__init__) if isinstance(kind, type) else ():
+            _drop_bounds_of_files(getattr(annotated, "__annotations__", {}))
 
 
 def _resolved_public_name(app: Any, env: Any, node: Element, content: Element) -> Element | None:
@@ -60,3 +62,11 @@ def _name_array_of(member: object) -> None:
     for alias, array in _ALIASES.items():
         if annotations.get("return") == array:
             annotations["return"] = _STAND_INS[alias]
+
+
+def _drop_bounds_of_files(annotations: dict[str, Any]) -> None:
+    """Write types of fields without the metadata by which files are checked."""
+    for name, of_field in annotations.items():
+        if "Annotated[" in repr(of_field):
+            holder = type("Holder", (), {"__annotations__": {name: of_field}})
+            annotations[name] = get_type_hints(holder)[name]

@@ -170,7 +170,7 @@ class ComparisonRow:
 
     @property
     def kind(self) -> str:
-        """Kind of the method: "baseline" or "method"."""
+        """Kind of the method, "baseline" or "method"."""
         return "baseline" if self.method in BASELINES else "method"
 
     def as_dict(self) -> dict[str, Any]:
