@@ -165,7 +165,8 @@ class SchemaLocation:
     @property
     def models(self) -> list[type[BaseModel]]:
         """Models of the maps that are valid here."""
-        return [kind for kind in self.kinds if _is_model(kind)]
+        types = [kind for kind in self.kinds if isinstance(kind, type)]
+        return [kind for kind in types if issubclass(kind, BaseModel)]
 
     @property
     def keys(self) -> list[str]:
@@ -201,10 +202,6 @@ def _kinds(annotations: Iterable[Any]) -> Iterable[Any]:
             yield from _kinds(arguments[:1])
         else:
             yield annotation
-
-
-def _is_model(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, BaseModel)
 
 
 def _fields_by_key(model: type[BaseModel]) -> dict[str, FieldInfo]:

@@ -389,7 +389,7 @@ def limit_changes(question: Question) -> Iterator[Change]:
         limits, unit = (lower[k], upper[k]), "rad" if robot.revolute[k] else "m"
         if margins[k] > 0:  # limits are not widened before the margin from them is gone
             field = f"robot.limits.position_margin.{joint}"
-            changes = partial(_margin_of, question, joint)
+            changes = partial(_limit_of, question, "position_margin", joint)
             name = f"{joint}: margin from position limits"
             number = (field, margins[k], unit, -1, name)
             yield Change.of_number("position", *number, changes=changes, about=frozenset({joint}))
@@ -440,10 +440,6 @@ def effort_changes(question: Question, sign: int) -> Iterator[Change]:
         changes = partial(changed, joint, before, value)
         more: dict[str, Any] = {"about": frozenset({joint}), "is_of_robot": value is None}
         yield Change.of_number("effort", *number, changes=changes, says_more=sign > 0, **more)
-
-
-def _margin_of(question: Question, joint: str, margin: float) -> dict[str, Any]:
-    return _limit_of(question, "position_margin", joint, margin)
 
 
 def _own_positions(limits: JointLimits) -> tuple[list[float], list[float]]:
