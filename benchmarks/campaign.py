@@ -31,7 +31,7 @@ import re
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -86,7 +86,8 @@ def main() -> int:
     with nullcontext() if options.output is None else Journal(options.output) as journal:
         known = {seed: journal[key] for seed, key in keys.items() if journal and key in journal}
         lines = list(known.values())
-        for line in _lines([seed for seed in seeds if seed not in known], how, options.processes):
+        missing = [seed for seed in seeds if seed not in known]
+        for line in lines_of(missing, partial(examine, options=how), options.processes):
             lines.append(line)
             print(_progress(line), flush=True)
             if journal is not None:
@@ -121,22 +122,21 @@ def report(lines: Iterable[Fields]) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
+def lines_of(seeds: list[int], work: Callable[[int], Fields], processes: int) -> Iterator[Fields]:
+    """Yield what comes of every seed; one whose process dies costs its own line alone."""
+    with nullcontext() if processes == 1 else WorkerProcesses(processes) as workers:
+        for done in run_many(work, seeds, workers):
+            message = f"{type(done.error).__name__}: {done.error}"
+            crashed = {"seed": seeds[done.index], "status": "crash", "message": message}
+            yield crashed if done.value is None else done.value
+
+
 def cause(message: str) -> str:
     """Return a message without its numbers, names and places."""
     text = re.sub(r"'[^']*'", "'...'", message)
     text = re.sub(r"\[[^\]]*\]", "[...]", text)
     text = re.sub(r"[-+]?\d+(\.\d+)?([eE][-+]?\d+)?", "#", text)
     return text[:110]
-
-
-def _lines(seeds: list[int], options: Options, processes: int) -> Iterator[Fields]:
-    """Yield what comes of every seed; one whose process dies costs its own line alone."""
-    work = partial(examine, options=options)
-    with nullcontext() if processes == 1 else WorkerProcesses(processes) as workers:
-        for done in run_many(work, seeds, workers):
-            message = f"{type(done.error).__name__}: {done.error}"
-            crashed = {"seed": seeds[done.index], "status": "crash", "message": message}
-            yield crashed if done.value is None else done.value
 
 
 def _key(seed: int, options: Options) -> str:

@@ -67,7 +67,7 @@ def random_arm(rng: np.random.Generator, folder: Path) -> tuple[str, dict[str, A
         name = str(rng.choice(list(BUNDLED)))
         return name, bundled_arm(name)
     if kind == "chain":
-        (folder / "chain.urdf").write_text(_random_chain(rng))
+        (folder / "chain.urdf").write_text(random_chain(rng))
         return "chain", {"urdf": "chain.urdf", "tool_frame": "tip"}
     paths = data_urdfs()
     path = paths[int(rng.integers(len(paths)))]
@@ -197,7 +197,7 @@ def _missing_limits(joints: dict[str, Joint]) -> dict[str, dict[str, Any]]:
     return {quantity: values for quantity, values in limits.items() if values}
 
 
-def _random_chain(rng: np.random.Generator) -> str:
+def random_chain(rng: np.random.Generator) -> str:
     """Return the URDF of one to ten links, of boxes, cylinders and spheres, with side branches."""
     count = int(rng.integers(MIN_JOINTS, MAX_JOINTS + 1))
     parts = ['<robot name="chain"><link name="link0"/>']
