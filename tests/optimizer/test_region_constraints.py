@@ -9,7 +9,9 @@ from cases import begun
 
 from tubeplanner import GoalRegion, Tube
 from tubeplanner.geometry.tube.regions import Capsules
+from tubeplanner.geometry.tube.rotation import SEGMENT, STAYING, TURNING
 from tubeplanner.limits.path_samples import PathSamples
+from tubeplanner.limits.speed_limits import speed_limits
 from tubeplanner.optimizer.control_variables import FIXED, ControlVariables
 from tubeplanner.optimizer.descent import SequentialProgram
 from tubeplanner.optimizer.phased_spline import PhasedSpline, sampled
@@ -19,13 +21,16 @@ from tubeplanner.optimizer.region_constraints import (
     Planes,
     evaluated_ball,
     evaluated_points,
+    evaluated_speeds,
     goal_keys,
 )
+from tubeplanner.optimizer.rows import EvaluatedSpeedLimit
 from tubeplanner.optimizer.tube_phases import OrderedSegments
 
 STEP = 1e-6
 MARGIN = 0.005
 NUMBERS = np.array([[7], [8]])
+SPANS = {"angle": SEGMENT, "angle, turning on": TURNING, "angle, stopped": STAYING[1]}
 SIDE_NUMBERS = np.array([[3, 4], [5, 6]])
 
 
@@ -48,13 +53,17 @@ def evaluated(kind, case, spline=None):
     if kind == "goal":
         ending = replace(problem, goal=GoalRegion(tube.points[-1], 0.1))
         return evaluated_ball(ending, at, path, dict.fromkeys(goal_keys(ending), 7))[0]
-    if kind == "angle":
+    if kind in SPANS:
         turns = (tube.rotation, at, path, MARGIN, np.array([9, 10]), path.segment)
-        return EvaluatedRotation(*turns).angle()
+        return EvaluatedRotation(*turns, SPANS[kind]).angle()
+    if kind in ("tool_speed", "point_speed"):
+        limits = {limit.kind: limit for limit in speed_limits(problem)}
+        limit = EvaluatedSpeedLimit(limits[kind], at, path, np.arange(len(limits[kind].keys)))
+        return evaluated_speeds(limit, 0.8)[-1]
     numbers = SIDE_NUMBERS if kind == "box" else NUMBERS
     runs = (range(1), range(1, 2))
     segments = OrderedSegments(tube.points, tube.effective_radius, runs, samples)
-    tool = (path.tool_pose[1], lambda: path.tool_jacobian[:, :3])
+    tool = (path.tool_pose[1], lambda: {0: path.tool_jacobian[:, :3]})
     margin = np.full(len(path.segment), MARGIN)
     return EvaluatedRegions(at, *tool, tube.regions, path.segment, margin, numbers, segments)
 
@@ -71,10 +80,12 @@ def random_planes(here, seed=0):
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     bounded = np.flatnonzero(np.isfinite(here.regions.radius[here.segment]))
     sample = rng.choice(bounded, 40)
-    return Planes(sample, normal, here.segment[sample])
+    return Planes(sample, normal, here.segment[sample], np.zeros(40, dtype=bool))
 
 
-@pytest.mark.parametrize("kind", ["tube", "box", "angle", "points", "goal"])
+@pytest.mark.parametrize(
+    "kind", ["tube", "box", *SPANS, "points", "goal", "tool_speed", "point_speed"]
+)
 def test_rows_have_the_derivatives_of_their_slack(case, kind):
     here, spline = evaluated(kind, case), case[1]
     planes = random_planes(here)
@@ -127,7 +138,7 @@ def test_every_plane_holds_the_region(case, kind):
     assert (-here.slack(planes) <= here.excess[planes.sample] + 1e-9).all()
 
 
-@pytest.mark.parametrize("kind", ["tube", "box", "angle"])
+@pytest.mark.parametrize("kind", ["tube", "box", "angle", "tool_speed"])
 def test_tangent_planes_are_where_vectors_are_outside(case, kind):
     here = evaluated(kind, case)
     radius = here.regions.radius[here.segment]
@@ -155,7 +166,7 @@ def corner(place, later, predicted, regions=CAPSULES):
     here = EvaluatedRegions(
         at=None,
         vector=np.array([place]),
-        derivative=lambda: np.zeros((1, 3, 2)),
+        derivative=lambda: {0: np.zeros((1, 3, 2))},
         regions=regions,
         segment=np.zeros(1, dtype=np.int64),
         margin=np.full(1, MARGIN),
@@ -182,8 +193,11 @@ def test_a_chains_plane_never_cuts_the_samples_own_capsule():
     """Samples in chains have no caps."""
     capsules, planes = corner([0.1, 0.0, 0], [0.7, 0.5, 0], 1)
     assert len(planes) == 0  # the plane of the second capsule would be behind the first one's end
-    behind = Planes(np.zeros(1, dtype=np.int64), np.array([[-1.0, 0, 0]]), np.ones(1, np.int64))
+    place = (np.zeros(1, dtype=np.int64), np.array([[-1.0, 0, 0]]), np.ones(1, np.int64))
+    behind, alone = (Planes(*place, np.array([is_alone])) for is_alone in (False, True))
     assert capsules.slack(behind)[0] == pytest.approx((0.1 + 0.1 * (1 - MARGIN)) / 0.1)
+    # In corrections, it holds the second one alone.
+    assert capsules.slack(alone)[0] == pytest.approx((0.1 - 1 + 0.2 * (1 - MARGIN)) / 0.1)
     capsules, _ = corner([0.9, 0.05, 0], [0.9, 0.05, 0], 0)
     np.testing.assert_allclose(capsules.planes.normal, [[0, 1, 0]])
 
@@ -193,7 +207,7 @@ def test_a_boxs_rows_name_the_side_that_binds(case):
     first = np.flatnonzero(here.segment == 0)[:1]
     across, up, along = here.regions.frame[0]
     for normal, number in ((across, 3), (-up, 4), (along, 4)):  # the flat box's reach is its height
-        assert here.rows(Planes(first, normal[None], np.zeros(1, np.int64))).limit == number
+        assert here.rows(Planes(first, normal[None], *np.zeros((2, 1), np.int64))).limit == number
 
 
 def test_a_boxs_planes_are_those_of_all_its_faces(case):

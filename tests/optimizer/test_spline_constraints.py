@@ -7,6 +7,7 @@ import pytest
 from cases import constraints_of, with_motors
 
 from tubeplanner import GoalRegion, PlanningProblem, Tube
+from tubeplanner.geometry.tube.rotation import SEGMENT, STAYING, TURNING
 from tubeplanner.limits.joint_efforts import EffortRate
 from tubeplanner.limits.path_samples import CoulombFriction, PathSamples, blended_friction
 from tubeplanner.limits.speed_limits import minimum_duration, scaling_factor, speed_limits
@@ -50,7 +51,13 @@ MOTORS = {
     "motor_curve with friction": {**LINE, **ARMED, **FRICTION, "friction_uncertainty": 0.3},
 }
 ALL_LIMITS = (*LIMITS, *MOTORS)
-KINDS = (*ALL_LIMITS, "velocity of the hull", "rotation", "rotation at the goal", "links")
+# The u between which the reference orientation turns.
+SPANS = {
+    "rotation": SEGMENT,
+    "rotation, the reference turning on": TURNING,
+    "rotation, the reference stopped": STAYING[0],
+}
+KINDS = (*ALL_LIMITS, "velocity of the hull", *SPANS, "rotation at the goal", "links")
 
 
 class Kinds:
@@ -76,8 +83,8 @@ class Kinds:
         path = PathSamples(
             self.problem, at.by_x, lambda: self.samples.phase, lambda: self.friction(at.by_x[1])
         )
-        if self.kind == "rotation":
-            own = (np.arange(2), path.segment)
+        if self.kind in SPANS:
+            own = (np.arange(2), path.segment, SPANS[self.kind])
             return EvaluatedRotation(self.problem.tube.rotation, at, path, 0.005, *own)
         if self.kind == "rotation at the goal":
             goal = GoalRegion(self.problem.tube.points[-1], 0.1, (0.3, np.inf, 0.2))
@@ -193,6 +200,29 @@ def test_the_rotations_rows_and_its_ball_are_its_margin(case):
     slack = evaluated.slack(1.0, 1.0).reshape(len(used), -1).min(axis=1)
     np.testing.assert_allclose(slack, 1 - margin - used[:, :3].max(axis=1), atol=1e-12)
     assert set(evaluated.rows(1.0, None).limit) == {1}  # components of the second alone
+
+
+def test_rows_beyond_kinks_leave_more_room_than_those_of_the_rotation(case):
+    """At each sample, of the branches that are not its own."""
+    problem, spline, samples = case
+    tube, at = problem.tube.rotation, sampled(spline, samples)
+    path = PathSamples(problem, at.by_x, lambda: samples.phase)
+    rotation = EvaluatedRotation(tube, at, path, 0.005, np.arange(2), samples.phase)
+    own, u = rotation.slack(1.0, 1.0), tube.projection(path.tool_pose[1], samples.phase)
+    sides, counts = len(own) // len(u), []
+    for kink in rotation.kinks(np.ones((2, 2), dtype=bool)):
+        rows, every = kink.rows(1.0, None), kink.slack(1.0, 1.0)
+        np.testing.assert_array_equal(rows.slack, every[rows.index])
+        inside = ((u >= 0) & (u <= 1)) == (kink.span != TURNING)
+        sample, side = np.divmod(np.arange(len(own)), sides)
+        is_bounded = np.isfinite(tube.bounds[samples.phase[sample], side % 3])
+        expected = np.flatnonzero(is_bounded & inside[sample] & (every >= own))
+        np.testing.assert_array_equal(np.sort(rows.index), expected)
+        counts.append(len(rows))
+    assert min(counts) > 0
+    assert all(not kink.rows(1.0, None) for kink in rotation.kinks(np.zeros((2, 2), dtype=bool)))
+    still = replace(rotation, tube=replace(tube, rotation_change=0 * tube.rotation_change))
+    assert still.kinks(np.ones((2, 2), dtype=bool)) == []
 
 
 def test_a_tool_that_is_free_limits_nothing(case):

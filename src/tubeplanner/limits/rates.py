@@ -204,7 +204,39 @@ def speed_by_path(rate: PointRate, scale: FloatArray) -> tuple[FloatArray, Float
     return first, second
 
 
-class ToolSpeed(KeptWhenSlow):
+class PointSpeeds(KeptWhenSlow):
+    """Base of a `SpeedLimit` on the speeds of P points, as fractions of their limits.
+
+    A subclass has `kind`, `keys`, `rates` and `allowed`.
+    """
+
+    order = 1
+    signs = (1.0,)
+
+    def rates(self, at: PathSamples) -> Sequence[PointRate]:
+        """Return the velocity of every point with its derivatives."""
+        raise NotImplementedError
+
+    def allowed(self, at: PathSamples) -> FloatArray:
+        """Return the largest speed of every point at every sample [m/s], shape (P, N)."""
+        raise NotImplementedError
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the points' speeds as fractions of their limits."""
+        fractions = self.allowed(at) ** -1.0
+        for fraction, (velocity, *_) in zip(fractions, self.rates(at), strict=True):
+            fraction *= np.linalg.norm(velocity, axis=1)
+        return SpeedPolynomial({1: fractions.T})
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return the derivatives of the fractions by the path; zero where a point rests."""
+        scales = speed / self.allowed(at)
+        each = zip(self.rates(at), scales, strict=True)
+        by_point = [speed_by_path(rate, scale) for rate, scale in each]
+        return {order: np.stack(by, axis=1) for order, by in enumerate(zip(*by_point, strict=True))}
+
+
+class ToolSpeed(PointSpeeds):
     """A `SpeedLimit` on a single quantity: the tool's speed as a fraction of its segment's limit.
 
     Attributes:
@@ -212,8 +244,6 @@ class ToolSpeed(KeptWhenSlow):
     """
 
     kind = "tool_speed"
-    order = 1
-    signs = (1.0,)
 
     def __init__(self, problem: PlanningProblem) -> None:
         """Take the limits of a problem's robot and tube."""
@@ -223,15 +253,13 @@ class ToolSpeed(KeptWhenSlow):
         self._limited = np.flatnonzero(np.isfinite(self.limit))
         self.keys = tuple(LimitKey(self.kind, segment=k) for k in self._limited.tolist())
 
-    def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the tool's speed as a fraction of its limit."""
-        speed = np.linalg.norm(at.tool_rate[0], axis=1)
-        return SpeedPolynomial({1: (speed / self.limit[at.segment])[:, None]})
+    def rates(self, at: PathSamples) -> Sequence[PointRate]:
+        """Return the velocity of the tool with its derivatives."""
+        return [at.tool_rate]
 
-    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return the derivatives of the fraction by the path; zero where the tool rests."""
-        by = speed_by_path(at.tool_rate, speed / self.limit[at.segment])
-        return {order: change[:, None] for order, change in enumerate(by)}
+    def allowed(self, at: PathSamples) -> FloatArray:
+        """Return the limit of each sample's segment, shape (1, N)."""
+        return self.limit[at.segment][None]
 
     def key_of(self, at: PathSamples) -> IntArray:
         """Return the index of the key of each sample's segment; any, where that is free."""
@@ -239,7 +267,7 @@ class ToolSpeed(KeptWhenSlow):
         return np.minimum(columns, len(self._limited) - 1)[:, None]
 
 
-class PointSpeedLimit(KeptWhenSlow):
+class PointSpeedLimit(PointSpeeds):
     """A `SpeedLimit` on the speeds of P points that move with links, as fractions of their limits.
 
     Attributes:
@@ -247,8 +275,6 @@ class PointSpeedLimit(KeptWhenSlow):
     """
 
     kind = "point_speed"
-    order = 1
-    signs = (1.0,)
 
     def __init__(self, points: Sequence[PointSpeed]) -> None:
         """Take the points of a robot, in its order."""
@@ -257,17 +283,13 @@ class PointSpeedLimit(KeptWhenSlow):
             LimitKey(self.kind, link=point.link, point=k) for k, point in enumerate(points)
         )
 
-    def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the points' speeds as fractions of their limits."""
-        speed = np.linalg.norm(at.point_rates[0], axis=2)
-        return SpeedPolynomial({1: speed.T / self.limit})
+    def rates(self, at: PathSamples) -> Sequence[PointRate]:
+        """Return the velocity of every point with its derivatives."""
+        return list(zip(*at.point_rates, strict=True))
 
-    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return the derivatives of the fractions by the path; zero where a point rests."""
-        scale = np.repeat(speed / self.limit[:, None], len(at), axis=1)
-        rates = zip(*at.point_rates, strict=True)
-        by_point = [speed_by_path(*each) for each in zip(rates, scale, strict=True)]
-        return {order: np.stack(by, axis=1) for order, by in enumerate(zip(*by_point, strict=True))}
+    def allowed(self, at: PathSamples) -> FloatArray:
+        """Return the limit of every point at every sample, shape (P, N)."""
+        return np.repeat(self.limit[:, None], len(at), axis=1)
 
     def key_of(self, at: PathSamples) -> IntArray:
         """Return the index of each point's key, shape (1, P)."""

@@ -139,7 +139,7 @@ class SequentialProgram:
         bounds = self._bounds(current, _MULTIPLIER_TRUST, goal_moves=has_tolerances)
         size = StepSize(_MULTIPLIER_TRUST.largest_change, bounds.switching)
         # Samples that variables hardly move, such as a start on its tolerance, cost nothing.
-        still = tuple(self._hardly_move(own, size) for own in current.regions)
+        still = tuple(self._hardly_move(own, size) for own in current.convex)
         near = (rows.slack < _NEAR) & (self._reach(rows, size) + abs(rows.duration) > 0)
         linear = Linearization(
             current,
@@ -218,7 +218,7 @@ class SequentialProgram:
         size = StepSize(trust.largest_change, bounds.switching)
         rows, is_elastic = self.constraints.rows(current, size)
         near = (rows.slack < _NEAR) | (rows.slack < _NEAR_FRACTION * rows.reach(size))
-        none = tuple(np.zeros(len(regions.vector), bool) for regions in current.regions)
+        none = tuple(np.zeros(len(regions.vector), bool) for regions in current.convex)
         planes = _near_planes(current, none)
         if remembered.planes:
             planes = tuple(starmap(Planes.and_also, zip(planes, remembered.planes, strict=True)))
@@ -254,9 +254,10 @@ class SequentialProgram:
 def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Planes, ...]:
     """Return the near planes of every kind of regions, except at ignored samples."""
     near = []
-    for regions, is_ignored in zip(current.regions, ignored, strict=True):
+    for regions, is_ignored in zip(current.convex, ignored, strict=True):
         planes = regions.planes
         is_near = (regions.slack(planes) < _NEAR) | regions.is_crossed
+        is_near &= not regions.is_speed  # limits on the speed have rows along present directions
         near.append(planes.where(is_near & ~is_ignored[planes.sample]))
     return tuple(near)
 
@@ -268,6 +269,9 @@ def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Plan
 
 # Steps that gain less than this fraction of the prediction get a second-order correction.
 _GOOD_RATIO = 0.3
+# Corrections at most. Another follows while what is missing to the prediction falls to this
+# fraction at most: after a rejected step, to the second.
+_MAX_CORRECTIONS, _HALVED, _LESS = 6, 0.5, 0.95
 # Steps that gain less than this fraction of the prediction after the correction are rejected.
 _WORTH_A_MOVE = 0.02
 # A step that should lose this fraction of T^2 obeys planes of two segments that contradict each
@@ -308,11 +312,12 @@ class Descent:
         unit = motion_unit(current.spline.control_points for current in currents)
         trust = replace(begun.trust, unit=unit)
         small_gains, remembered = 0, (_NOTHING,) * len(self._legs)
+        remaining = _HALVED
         for _ in range(max_steps):
             linear = _Linearized(self._legs, self._is_tied, currents, trust, penalty, remembered)
             steps = linear.search.solve()
             remembered = remembered if steps is None else linear.remembered(steps)
-            result = None if steps is None else linear.tried(steps, unit)
+            result = None if steps is None else linear.tried(steps, unit, remaining)
             if steps is None or result is None:
                 trust = trust.smaller()
                 continue
@@ -326,8 +331,9 @@ class Descent:
                 for current, step in zip(currents, steps, strict=True)
             ):
                 penalty = min(4 * penalty, MAX_PENALTY)
+            remaining = _LESS
             if outcome.ratio > _WORTH_A_MOVE:
-                currents = trials
+                currents, remaining = trials, _HALVED
                 small_gains = small_gains + 1 if outcome.gain < min_gain else 0
             checkpoint(currents)
             trust = trust.after(outcome)
@@ -368,11 +374,12 @@ class _Linearized:
         return tuple(Remembered(linear.added, linear.binding(step)) for linear, step in each)
 
     def tried(
-        self, steps: Sequence[Step], unit: float
+        self, steps: Sequence[Step], unit: float, remaining: float
     ) -> tuple[tuple[Iterate, ...], Outcome] | None:
         """Return the iterates after steps, corrected if they gain little, and their outcome.
 
-        None if a step is infeasible or its program contradicts itself.
+        None if a step is infeasible or its program contradicts itself. Corrections go on while what
+        is missing falls to the fraction `remaining` at most.
         """
         trials = self._moved(steps)
         if trials is None:
@@ -382,7 +389,7 @@ class _Linearized:
             return None
         gain = first_gain
         if gain < _GOOD_RATIO * predicted:
-            trials, gain = self._corrected(steps, trials, gain)
+            trials, gain = self._corrected(steps, trials, predicted, gain, remaining)
         rates, radius = 0.0, 0.0
         each = zip(self._weights, self._legs, self._currents, steps, strict=True)
         for weight, leg, current, step in each:
@@ -421,22 +428,35 @@ class _Linearized:
         return predicted, gain
 
     def _corrected(
-        self, steps: Sequence[Step], trials: tuple[Iterate, ...], gain: float
+        self,
+        steps: Sequence[Step],
+        trials: tuple[Iterate, ...],
+        predicted: float,
+        gain: float,
+        remaining: float,
     ) -> tuple[tuple[Iterate, ...], float]:
         """Return trials and gain, of steps corrected for the constraints' curvature if better.
 
         (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
+        A correction leaves a tenth to a third of the error of efforts, their rates and jerks: it is
+        repeated while it pays.
         """
-        each = zip(self._legs, self._currents, trials, steps, strict=True)
-        slack = [
-            leg.constraints.slack(current, trial, 1 + step.duration)
-            for leg, current, trial, step in each
-        ]
-        others = self.search.solve_again(steps, trials, slack)
-        if others is None:
-            return trials, gain
-        second = self._moved(others)
-        if second is None:
-            return trials, gain
-        _, second_gain = self._gains(second, others)
-        return (second, second_gain) if second_gain > gain else (trials, gain)
+        best, missing = (trials, gain), predicted - gain
+        for _ in range(_MAX_CORRECTIONS):
+            each = zip(self._legs, self._currents, trials, steps, strict=True)
+            slack = [
+                leg.constraints.slack(current, trial, 1 + step.duration)
+                for leg, current, trial, step in each
+            ]
+            others = self.search.solve_again(steps, trials, slack)
+            moved = None if others is None else self._moved(others)
+            if others is None or moved is None:
+                break
+            steps, trials = others, moved
+            gain = self._gains(trials, steps)[1]
+            if gain > best[1]:
+                best = trials, gain
+            if gain >= _GOOD_RATIO * predicted or predicted - gain > remaining * missing:
+                break
+            missing = predicted - gain
+        return best

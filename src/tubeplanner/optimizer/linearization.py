@@ -6,7 +6,7 @@ inside the convex regions themselves, not inside a few planes about them.
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import starmap
 
 import numpy as np
@@ -105,7 +105,7 @@ class Linearization:
     @property
     def plain(self) -> Slack:
         """The slack at the trajectory."""
-        bends = [np.zeros_like(regions.vector) for regions in self._current.regions]
+        bends = [np.zeros_like(regions.vector) for regions in self._current.convex]
         return Slack(self._rows.slack, bends)
 
     def block(self, slack: Slack, extra: FloatArray | float = 0.0) -> Block:
@@ -127,9 +127,11 @@ class Linearization:
 
     def binding(self, step: Step) -> tuple[Planes, ...]:
         """Return the planes, of every kind of regions, that bind a step."""
-        each = zip(self._current.regions, self._planes, self._after(step), strict=True)
+        each = zip(self._current.convex, self._planes, self._after(step), strict=True)
         return tuple(
-            planes.where(regions.slack(planes, vector - regions.vector) < _BINDING - step.elastic)
+            planes.where(
+                regions.slack(planes, vector - regions.vector) < _BINDING - regions.room(step)
+            )
             for regions, planes, vector in each
         )
 
@@ -137,7 +139,7 @@ class Linearization:
         """Add rows and planes that a step breaks; return True if there are some."""
         broken = np.flatnonzero((self._slack_after(step) < -BROKEN) & ~self._active)
         self._give(broken)
-        return self._add_planes(self._after(step), step.elastic) or len(broken) > 0
+        return self._add_planes(self._after(step), step) or len(broken) > 0
 
     def corrected(self, step: Step, trial: Iterate, slack: FloatArray) -> Slack:
         """Return the slack corrected for curvature, the error of a first step's prediction.
@@ -147,15 +149,17 @@ class Linearization:
         """
         rows = self._rows
         predicted = self._slack_after(step) - self._is_elastic * step.elastic
-        each = zip(trial.regions, self._after(step), strict=True)
+        each = zip(trial.convex, self._after(step), strict=True)
         bends = [there.vector - vector for there, vector in each]
-        self._add_planes([regions.vector for regions in trial.regions], step.elastic)
+        vectors = [regions.vector for regions in trial.convex]
+        self._add_planes(vectors, step, are_alone=True)
         return Slack(rows.slack + slack[rows.index] - predicted, bends)
 
     def absorb_bent(self, step: Step, slack: Slack, elastic: float) -> bool:
         """Add planes that a corrected step breaks; return True if there are some."""
         after = zip(self._after(step), slack.bends, strict=True)
-        return self._add_planes([vector + bend for vector, bend in after], elastic)
+        vectors = [vector + bend for vector, bend in after]
+        return self._add_planes(vectors, replace(step, elastic=elastic), are_alone=True)
 
     def _give(self, which: IntArray) -> None:
         if len(which):
@@ -165,7 +169,8 @@ class Linearization:
 
     def _give_planes(self, kind: int, planes: Planes) -> None:
         if len(planes):
-            regions, is_elastic = self._current.regions[kind], np.ones(len(planes))
+            regions = self._current.convex[kind]
+            is_elastic = np.full(len(planes), 0.0 if regions.is_speed else 1.0)
             own = regions.rows(planes)
             self._add(own, is_elastic, lambda _, bends: regions.slack(planes, bends[kind]))
 
@@ -178,11 +183,18 @@ class Linearization:
         own = sparse_rows(rows, is_elastic, self._variables.column, len(self._bounds.lower))
         self._parts.append(_Part(own, is_elastic, rows.limit, rows.index, slack))
 
-    def _add_planes(self, vectors: list[FloatArray], elastic: float) -> bool:
-        """Add tangent planes where vectors are outside; return True if there are some."""
+    def _add_planes(
+        self, vectors: list[FloatArray], step: Step, *, are_alone: bool = False
+    ) -> bool:
+        """Add tangent planes where a step does not allow vectors; return True if there are some.
+
+        In corrections planes of chains hold the segment that a sample has moved to alone: on the
+        inner side of a bend, a plane that holds two segments leaves out their sagitta.
+        """
         added = []
-        for kind, (regions, vector) in enumerate(zip(self._current.regions, vectors, strict=True)):
-            planes = regions.planes_where_outside(vector, elastic)
+        for kind, (regions, vector) in enumerate(zip(self._current.convex, vectors, strict=True)):
+            room = regions.room(step)
+            planes = regions.planes_where_outside(vector, room, are_alone=are_alone)
             fresh = planes.where(~self._ignored[kind][planes.sample])
             self._give_planes(kind, fresh)
             added.append(fresh)
@@ -192,7 +204,7 @@ class Linearization:
     def _after(self, step: Step) -> list[FloatArray]:
         """Return the regions' vectors after a step, to first order."""
         control = self._variables.change(step.control)
-        return [regions.after(control, step.switching) for regions in self._current.regions]
+        return [regions.after(control, step.switching) for regions in self._current.convex]
 
     def _slack_after(self, step: Step) -> FloatArray:
         """Return the slack of all rows after a step, to first order."""

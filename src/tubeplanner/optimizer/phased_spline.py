@@ -317,14 +317,14 @@ class SampledSpline:
         by_switching = _sums(weights, self.first, control)
         return by_switching.reshape(switches, len(self.basis), count, joints), None
 
-    def change(self, control: FloatArray, switching: FloatArray) -> FloatArray:
-        """Return the change of positions by a step to first order, (N, n).
+    def change(self, control: FloatArray, switching: FloatArray, order: int = 0) -> FloatArray:
+        """Return the change of a derivative of positions by a step to first order, (N, n).
 
         The step is one of control points, (K, n), and of inner switching times, (m-1,).
         """
-        change: FloatArray = _sums(self.basis[:1], self.first, control)[0]
+        change: FloatArray = _sums(self.basis[order : order + 1], self.first, control)[0]
         if switching.any():
-            change += np.einsum("gnj,g->nj", self.by_switching[:, 0], switching)
+            change += np.einsum("gnj,g->nj", self.by_switching[:, order], switching)
         return change
 
     def chained(

@@ -1,4 +1,4 @@
-"""Region constraints on the tool: segment, compulsory point, rotation tolerance, goal.
+"""Region constraints: segment, compulsory point, rotation tolerance, goal; velocities of points.
 
 A region is convex: a vector p is inside if n.p <= max(n.A, n.B) + e(n) for every unit normal n, A
 and B being the ends of its axis and e its extent beyond. A linear program gets a few of these
@@ -8,8 +8,8 @@ prediction leaves the region (Kelley, "The cutting-plane method for solving conv
 
 from collections.abc import Callable, Mapping, Sequence
 from ctypes import c_int64
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from itertools import product
 from typing import ClassVar
 
@@ -17,20 +17,35 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.geometry.tube.regions import Capsules, SegmentRegions
-from tubeplanner.geometry.tube.rotation import RotationalTube
+from tubeplanner.geometry.tube.rotation import (
+    SEGMENT,
+    STAYING,
+    TURNING,
+    RotationalTube,
+    Span,
+)
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.path_samples import LimitKey, PathSamples
+from tubeplanner.limits.rates import PointSpeeds
 from tubeplanner.native.library import Doubles, Integers, native_function
 from tubeplanner.optimizer.phased_spline import SampledSpline
-from tubeplanner.optimizer.rows import INNER_MARGIN, Rows, StepSize, plane_rows
+from tubeplanner.optimizer.rows import (
+    INNER_MARGIN,
+    EvaluatedSpeedLimit,
+    Rows,
+    StepSize,
+    plane_rows,
+)
+from tubeplanner.optimizer.step_program import Step
 from tubeplanner.optimizer.tube_phases import OrderedSegments
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- Vectors in regions, at samples of a spline: the tool's position or its rotation vector.
+# ---- Vectors in regions, at samples of a spline: the tool's position, its rotation vector, or the
+# velocity of a point.
 
 _plane_slack = native_function(
     *("plane_slack", c_int64, Integers, Doubles, Doubles, Doubles, Doubles, Integers, Integers),
-    *(Doubles, Doubles, Doubles, Doubles),
+    *(Integers, Doubles, Doubles, Doubles, Doubles),
 )
 # A prediction may leave the region by this fraction of its extent.
 _OUTSIDE = 0.002
@@ -43,23 +58,22 @@ class Planes:
     sample: IntArray  # the sample in whose region, shape (P,)
     normal: FloatArray  # unit vectors, outward, shape (P, 3)
     segment: IntArray  # the segment whose region they contain beside the sample's own, shape (P,)
+    is_alone: BoolArray  # whether they contain that region alone, shape (P,)
 
     def __len__(self) -> int:
         return len(self.sample)
 
     def where(self, keep: BoolArray | IntArray) -> "Planes":
         """Return some of the planes."""
-        return Planes(self.sample[keep], self.normal[keep], self.segment[keep])
+        return Planes(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
 
     def and_also(self, other: "Planes") -> "Planes":
         """Return these planes and others."""
         if len(other) == 0:
             return self
-        return Planes(
-            np.concatenate([self.sample, other.sample]),
-            np.concatenate([self.normal, other.normal]),
-            np.concatenate([self.segment, other.segment]),
-        )
+        names = self.__dataclass_fields__
+        both = ((getattr(self, name), getattr(other, name)) for name in names)
+        return Planes(*(np.concatenate(pair) for pair in both))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +82,9 @@ class EvaluatedRegions:
 
     at: SampledSpline  # the spline at the samples
     vector: FloatArray  # shape (N, 3) [m or rad]
-    # returns the vectors' derivatives by the joints, shape (N, 3, n)
-    derivative: Callable[[], FloatArray]
+    # returns the vectors' derivatives by the joints' positions (0) and by their derivatives by x
+    # (1), (N, 3, n) each
+    derivative: Callable[[], Mapping[int, FloatArray]]
     regions: SegmentRegions  # of all segments
     segment: IntArray  # the samples' own, shape (N,)
     margin: FloatArray  # the fraction of the radii that stays unused, shape (N,)
@@ -79,6 +94,8 @@ class EvaluatedRegions:
     segments: OrderedSegments | None = None
     # whether a step may cross the whole region: then all planes count as near
     is_crossed: bool = False
+    # whether the vectors are velocities: their regions grow with the duration, and are not elastic
+    is_speed: bool = False
 
     @cached_property
     def excess(self) -> FloatArray:
@@ -93,26 +110,35 @@ class EvaluatedRegions:
         if self.segments is not None:
             normal[1:, self.segments.in_run] = 0.0
         kind, sample = np.nonzero(normal.any(axis=2))
-        return Planes(sample, normal[kind, sample], self.segment[sample])
+        none = np.zeros(len(sample), dtype=bool)
+        return Planes(sample, normal[kind, sample], self.segment[sample], none)
 
-    def planes_where_outside(self, vector: FloatArray, elastic: float) -> Planes:
-        """Return the tangent planes at other vectors (N, 3) outside by more than `elastic` [radii].
+    def planes_where_outside(
+        self, vector: FloatArray, room: float, *, are_alone: bool = False
+    ) -> Planes:
+        """Return the tangent planes at other vectors (N, 3) outside by more than `room` [radii].
 
-        A sample in a chain gets the plane of the segment that it would then be in.
+        A sample in a chain gets the plane of the segment that it would then be in: it contains the
+        region of its own segment as well or, on request, that segment's alone.
         """
         segment = self.segment if self.segments is None else self.segments.at(vector)
-        outside = np.flatnonzero(self._excess_of(vector, segment) > elastic + _OUTSIDE)
-        segment = segment[outside]
-        planes = Planes(outside, self.regions.outward(vector[outside], segment), segment)
+        outside = np.flatnonzero(self._excess_of(vector, segment) > room + _OUTSIDE)
+        segment, alone = segment[outside], np.full(len(outside), are_alone)
+        planes = Planes(outside, self.regions.outward(vector[outside], segment), segment, alone)
         if len(planes) == 0:
             return planes
         # Planes that contain the sample's present region too may be farther out than the vectors.
-        return planes.where(self.slack(planes, vector - self.vector) < -elastic)
+        return planes.where(self.slack(planes, vector - self.vector) < -room)
+
+    def room(self, step: Step) -> float:
+        """Return the room that a step makes beyond the regions, in radii."""
+        return step.duration / 2 if self.is_speed else step.elastic
 
     def after(self, control: FloatArray, switching: FloatArray) -> FloatArray:
         """Return the vectors (N, 3) after a step, as of `SampledSpline.change`, to first order."""
-        change = self.at.change(control, switching)
-        after: FloatArray = self.vector + np.einsum("nij,nj->ni", self._by_joint, change)
+        after = self.vector.copy()
+        for order, by in self._by_path.items():
+            after += np.einsum("nij,nj->ni", by, self.at.change(control, switching, order))
         return after
 
     def slack(self, planes: Planes, bend: FloatArray | None = None) -> FloatArray:
@@ -123,7 +149,8 @@ class EvaluatedRegions:
         if _plane_slack is not None:
             slack = np.empty(len(planes))
             place = (at, normal, vector, regions.begin, regions.end, own, planes.segment)
-            arrays = map(np.ascontiguousarray, (*place, self.margin, extent, other))
+            is_alone = planes.is_alone.astype(np.int64)
+            arrays = map(np.ascontiguousarray, (*place, is_alone, self.margin, extent, other))
             _plane_slack(len(planes), *arrays, slack)
             return slack
         beyond = np.minimum(
@@ -132,36 +159,41 @@ class EvaluatedRegions:
                 for end in (regions.begin, regions.end)
             )
         )
-        # Where the sample may be in the region of another segment, the plane contains that one too.
+        # Where the sample may be in the region of another segment, the plane contains that one too,
+        # or that one alone.
         farther, both = np.zeros(len(planes)), np.flatnonzero(planes.segment != own[at])
         reaches = []
         for segment, extents in ((own[at[both]], extent), (planes.segment[both], other)):
             ends = (regions.begin[segment], regions.end[segment])
             farthest = np.maximum(*(np.einsum("pi,pi->p", normal[both], end) for end in ends))
             reaches.append(farthest + (1 - self.margin[at[both]]) * extents[both])
-        farther[both] = np.maximum(reaches[1] - reaches[0], 0.0) / extent[both]
+        least = np.where(planes.is_alone[both], -np.inf, 0.0)
+        farther[both] = np.maximum(reaches[1] - reaches[0], least) / extent[both]
         slack = 1 - self.margin[at] - beyond / extent + farther
         return slack
 
     def rows(self, planes: Planes) -> Rows:
         """Return rows that keep the vectors behind planes; they have no numbers."""
         at, segment = planes.sample, self.segment[planes.sample]
-        by_joint = np.einsum("pi,pij->pj", planes.normal, self._by_joint[at])
-        by_joint /= self.regions.extent(planes.normal, segment)[:, None]
-        control, switching = self.at.chained({0: by_joint[:, None]}, at)
+        normal = planes.normal / self.regions.extent(planes.normal, segment)[:, None]
+        by_path = {
+            order: np.einsum("pi,pij->pj", normal, by[at])[:, None]
+            for order, by in self._by_path.items()
+        }
+        control, switching = self.at.chained(by_path, at)
         count = len(planes)
         return Rows(
             self.at.first[at],
             control[:, 0],
             switching[:, 0],
-            np.zeros(count),
+            np.full(count, -0.5 * self.is_speed),
             self.slack(planes),
             self.numbers[segment, self.regions.kind(planes.normal, segment)],
             np.full(count, -1),
         )
 
     @cached_property
-    def _by_joint(self) -> FloatArray:
+    def _by_path(self) -> Mapping[int, FloatArray]:
         return self.derivative()
 
     def _excess_of(self, vector: FloatArray, segment: IntArray) -> FloatArray:
@@ -190,7 +222,7 @@ def evaluated_points(
     return EvaluatedRegions(
         at,
         path.tool_pose[1],
-        lambda: path.tool_jacobian[:, :3],
+        lambda: {0: path.tool_jacobian[:, :3]},
         Capsules(index, index, radius[narrower]),
         own,
         np.full(len(points), margin),
@@ -198,9 +230,45 @@ def evaluated_points(
     )
 
 
+# ---- Velocities of the tool and of points on links, in balls.
+#
+# Rows bound velocities along their present directions alone. Where a point hardly moves or turns,
+# they say nothing: tangent planes of the balls join where a step makes it too fast.
+
+
+def evaluated_speeds(evaluated: EvaluatedSpeedLimit, duration: float) -> list[EvaluatedRegions]:
+    """Return the velocities dp/dx of every point of a limit, in balls of the limit times T [m]."""
+    if not isinstance(evaluated.limit, PointSpeeds):
+        return []
+    path, count = evaluated.path, len(evaluated.path)
+    centre, own, margin = np.zeros((count, 3)), np.arange(count), np.zeros(count)
+    allowed = duration * evaluated.limit.allowed(path)
+    keys = np.broadcast_to(evaluated.limit.key_of(path), allowed.T.shape)
+    return [
+        EvaluatedRegions(
+            evaluated.at,
+            velocity,
+            partial(dict, enumerate(by_path)),
+            Capsules(centre, centre, radius),
+            own,
+            margin,
+            evaluated.numbers[key][:, None],
+            is_speed=True,
+        )
+        for (velocity, *by_path), radius, key in zip(
+            evaluated.limit.rates(path), allowed, keys.T, strict=True
+        )
+    ]
+
+
 # ---- The tool's orientation within its segment's tolerance.
 #
 # Bounds on the three components of the rotation vector are planes; a bound on the angle is a ball.
+#
+# Where the nearest point of the segment passes an end, the reference stops turning: a kink, on
+# which an optimum may lie. The rotations against references that turn on or have stopped are
+# bounded too, where they leave more room than the rotation itself: there the larger of both is what
+# is bounded, and nothing is lost. (Where they leave less, the smaller is.)
 
 _SIDES = np.vstack([np.eye(3), -np.eye(3)])
 
@@ -217,6 +285,10 @@ class EvaluatedRotation:
     margin: float  # the fraction of the tolerances that stays unused
     numbers: IntArray  # of the tolerances among the limits, shape (m,)
     segment: IntArray  # the samples' segments, shape (N,)
+    span: Span = SEGMENT  # the u between which the reference turns
+    # of the reference beyond a kink: the rotation against the reference itself, and the samples at
+    # which that is the neighbouring branch, shape (N,)
+    beyond: "tuple[EvaluatedRotation, BoolArray] | None" = None
 
     @property
     def excess(self) -> FloatArray:
@@ -234,16 +306,39 @@ class EvaluatedRotation:
         """True if the angle is bounded in some sample's segment."""
         return bool(np.isfinite(self.tube.bounds[self.segment, 3]).any())
 
+    def kinks(self, ends: BoolArray) -> "list[EvaluatedRotation]":
+        """Return the rotation beyond the kinks at ends of segments, unless no reference turns.
+
+        The ends (m, 2) are those of each segment that no other segment follows in its chain.
+        """
+        if not self.tube.angles.any():
+            return []
+        u, (first, last) = self.tube.projection(self.path.tool_pose[1], self.segment), ends.T
+        first, last = first[self.segment], last[self.segment]
+        is_inside = (u >= 0) & (u <= 1)
+        turning = (u < 0) & first | (u > 1) & last
+        branches = zip(
+            (TURNING, *STAYING), (turning, is_inside & first, is_inside & last), strict=True
+        )
+        return [replace(self, span=span, beyond=(self, where)) for span, where in branches]
+
     def angle(self) -> EvaluatedRegions:
         """Return the bound on the angle: the rotation vector in a ball."""
-        centre = np.zeros((len(self.tube.bounds), 3))
+        centre, margin = (
+            np.zeros((len(self.tube.bounds), 3)),
+            np.full(len(self.segment), self.margin),
+        )
+        if self.beyond is not None:
+            here, where = self.beyond
+            farther = np.linalg.norm(self._error, axis=1) > np.linalg.norm(here._error, axis=1)
+            margin[farther | ~where] = -np.inf
         return EvaluatedRegions(
             self.at,
             self._error,
-            lambda: self._by_joint,
+            lambda: {0: self._by_joint},
             Capsules(centre, centre, self.tube.bounds[:, 3]),
             self.segment,
-            np.full(len(self.segment), self.margin),
+            margin,
             self.numbers[:, None],
         )
 
@@ -251,7 +346,11 @@ class EvaluatedRotation:
         """Return rows that keep the components within their bounds, as `EvaluatedSpeedLimit`."""
         bounds = np.hstack([self._bounds, self._bounds])
         by_side = np.matmul(_SIDES, self._by_joint) / bounds[:, :, None]
-        slack = np.where(np.isfinite(bounds), self._slack.reshape(bounds.shape), np.inf)
+        own = self._slack.reshape(bounds.shape)
+        slack = np.where(np.isfinite(bounds), own, np.inf)
+        if self.beyond is not None:
+            here, where = self.beyond
+            slack[(own < here._slack.reshape(bounds.shape)) | ~where[:, None]] = np.inf
         return plane_rows(self.at, by_side, slack, self.numbers[self.segment], size)
 
     @property
@@ -276,13 +375,13 @@ class EvaluatedRotation:
     @cached_property
     def _error(self) -> FloatArray:
         """Rotation vectors from the reference to the tool, shape (N, 3) [rad]."""
-        return self.tube.error(*self.path.tool_pose, self.segment)
+        return self.tube.error(*self.path.tool_pose, self.segment, self.span)
 
     @cached_property
     def _by_joint(self) -> FloatArray:
         """Derivatives of the rotation vectors by the joints, shape (N, 3, n)."""
         jacobian = self.path.tool_jacobian
-        return self.tube.error_jacobian(*self.path.tool_pose, jacobian, self.segment)[1]
+        return self.tube.error_jacobian(*self.path.tool_pose, jacobian, self.segment, self.span)[1]
 
 
 # ---- The tool in the ball and the rotation tolerance of its goal, at the end of a spline.
@@ -327,7 +426,7 @@ def evaluated_ball(
     ball = EvaluatedRegions(
         at,
         path.tool_pose[1],
-        lambda: path.tool_jacobian[:, :3],
+        lambda: {0: path.tool_jacobian[:, :3]},
         _Balls(centre, centre, np.array([goal.tolerance])),
         own,
         np.full(1, INNER_MARGIN),

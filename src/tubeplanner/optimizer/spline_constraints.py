@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import chain
 from typing import TypeAlias
 
@@ -35,6 +35,7 @@ from tubeplanner.optimizer.region_constraints import (
     evaluated_ball,
     evaluated_points,
     evaluated_rotation,
+    evaluated_speeds,
     goal_keys,
 )
 from tubeplanner.optimizer.rows import (
@@ -83,8 +84,12 @@ class Iterate:
     limits: tuple[EvaluatedSpeedLimit, ...]  # the limits on its speed
     # the regions of the tool's position, and of its rotation angle where bounded
     regions: tuple[EvaluatedRegions, ...]
+    # the velocities of the tool and of points whose speed is limited
+    speeds: tuple[EvaluatedRegions, ...]
     # the bounds on the components of the tool's rotation, where there are some
     rotations: tuple[EvaluatedRotation, ...]
+    # the rotation beyond kinks of its reference
+    kinks: tuple[EvaluatedRotation, ...]
     links: EvaluatedLinks  # the watched pairs of links
     # the spline and the arm at two samples per knot interval, at the end of every phase, and at
     # added samples
@@ -95,7 +100,14 @@ class Iterate:
     @property
     def constraints(self) -> tuple[EvaluatedRows, ...]:
         """All constraints but regions, in the order in which their rows are numbered."""
-        return (*self.limits, *self.rotations, self.links)
+        components = (each for each in self.kinks if each.bounds_components)
+        return (*self.limits, *self.rotations, *components, self.links)
+
+    @cached_property
+    def convex(self) -> tuple[EvaluatedRegions, ...]:
+        """All regions, whose planes join where steps leave them."""
+        angles = (each.angle() for each in self.kinks if each.bounds_angle)
+        return (*self.regions, *self.speeds, *angles)
 
     @property
     def tool(self) -> tuple[EvaluatedRegions | EvaluatedRotation, ...]:
@@ -148,6 +160,10 @@ class SplineConstraints:
         self._tolerances = np.zeros((count, max(map(len, of_regions))), dtype=np.int64)
         for own, keys in zip(self._tolerances, of_regions, strict=True):
             own[: len(keys)] = self._numbers_of(keys)
+        # Whether each segment begins and ends its chain.
+        self._chain_ends = np.zeros((count, 2), dtype=bool)
+        self._chain_ends[[run.start for run in grid.runs], 0] = True
+        self._chain_ends[[run.stop - 1 for run in grid.runs], 1] = True
         self._rotation_tolerances = self._numbers_of(of_rotation)
         self._limits = [(limit, self._numbers_of(limit.keys)) for limit in limits]
         self._regions = problem.tube.regions_of(radius)
@@ -279,19 +295,22 @@ class SplineConstraints:
             EvaluatedSpeedLimit(limit, *arm.at(self._points(limit, watched)), numbers)
             for limit, numbers in self._limits
         )
-        regions, rotations = self._tool_at(arm, tube_samples)
+        regions, rotations, kinks = self._tool_at(arm, tube_samples)
         links = self.links.at(spline)
         elastic: list[EvaluatedRegions | EvaluatedRotation | EvaluatedLinks]
         elastic = [*regions, *rotations, links]
         squared_duration = max(float(limit.squared_durations.max()) for limit in limits)
+        duration = self._run_in or float(np.sqrt(squared_duration))
         return Iterate(
             spline,
             squared_duration,
-            self._run_in or float(np.sqrt(squared_duration)),
+            duration,
             max(float(part.excess.max(initial=0.0)) for part in elastic),
             limits,
             regions,
+            tuple(chain(*(evaluated_speeds(limit, duration) for limit in limits))),
             rotations,
+            kinks,
             links,
             arm.at(watched[False]),
             arm.at(self._rate_samples),
@@ -307,8 +326,12 @@ class SplineConstraints:
 
     def _tool_at(
         self, arm: "_ArmAlong", samples: Samples
-    ) -> tuple[tuple[EvaluatedRegions, ...], tuple[EvaluatedRotation, ...]]:
-        """Return the constraints of tube and goal on the tool, as in an iterate."""
+    ) -> tuple[
+        tuple[EvaluatedRegions, ...],
+        tuple[EvaluatedRotation, ...],
+        tuple[EvaluatedRotation, ...],
+    ]:
+        """Return the constraints of tube and goal on the tool, and kinks, as in an iterate."""
         tube = self._problem.tube
         at, path = arm.at(samples)
         regions, numbers = self._regions, self._tolerances
@@ -316,7 +339,7 @@ class SplineConstraints:
             EvaluatedRegions(
                 at,
                 path.tool_pose[1],
-                lambda: path.tool_jacobian[:, :3],
+                lambda: {0: path.tool_jacobian[:, :3]},
                 regions,
                 path.segment,
                 self._margin[path.segment],
@@ -324,12 +347,11 @@ class SplineConstraints:
                 arm.segments_of(samples),
             )
         ]
-        rotations = []
+        rotations, kinks = [], []
         if tube.rotation is not None:
             own = self._rotation_tolerances
-            rotations = [
-                EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, own, path.segment)
-            ]
+            rotation = EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, own, path.segment)
+            rotations, kinks = [rotation], rotation.kinks(self._chain_ends)
         if self._goal_keys:
             there = arm.at(self._last_sample)
             evaluated += evaluated_ball(self._problem, *there, self._numbers)
@@ -338,7 +360,8 @@ class SplineConstraints:
         if len(tube.compulsory_points):
             there = arm.at(self._passing_samples)
             evaluated.append(evaluated_points(tube, *there, regions, INNER_MARGIN, numbers))
-        return tuple(evaluated), tuple(each for each in rotations if each.bounds_components)
+        components = tuple(each for each in rotations if each.bounds_components)
+        return tuple(evaluated), components, tuple(kinks)
 
 
 class _ArmAlong:

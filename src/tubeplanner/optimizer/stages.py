@@ -266,6 +266,10 @@ class Refinement(Stage):
             if inside and result.has_ended and (near or not has_more):
                 break
             again = self._program.iterate(result.iterate.spline)
+            if best is not None and not np.isfinite(again.squared_duration):
+                again = self._program.iterate(best.spline)  # motors cannot hold the last between
+            if not np.isfinite(again.squared_duration):
+                break
             dodges += _passed_through(again)
             if best is None and (_has_settled_inside(result) or dodges == _MAX_DODGES):
                 self.gave_up = True

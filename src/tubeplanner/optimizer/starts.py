@@ -28,6 +28,9 @@ _FIT_SAMPLES = np.arange(3) / 3
 _DRAW = 1e-8
 # Joints may move while the tool hardly does: a radian counts as this many metres of travel.
 _TRAVEL_PER_RADIAN = 0.05
+# Knot intervals are divided into fewer parts where they are shorter than the average divided by
+# this, as angles of Chebyshev points.
+_SHORT = 1.5
 # Where the goal is at the last corner, the arm stands still in the last phase. A phase of less
 # width than the first value gets the second: its knots must not coincide.
 _STILL, _STILL_WIDTH = 1e-6, 1e-3
@@ -78,15 +81,22 @@ def starting_spline(
 
 
 def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
-    """Return the same spline, exactly, with every knot interval divided into several."""
+    """Return the same spline, exactly, with knot intervals divided into several, `parts` at most.
+
+    Fewer in phases whose intervals are shorter than the average: accelerations and jerks, which
+    grow as control points move by fractions of an interval, would leave steps no room there.
+    """
     switching_times, fractions = spline.switching_times, []
+    average = np.pi / spline.grid.interval_count
     for k, fraction in enumerate(spline.grid.fractions):
         width = switching_times[k + 1] - switching_times[k]
         angle = np.arccos(1 - 2 * np.clip(switching_times[k] + width * fraction, 0.0, 1.0))
-        steps = np.arange(len(angle) * parts - parts + 1) / parts
+        interval = (angle[-1] - angle[0]) / (len(angle) - 1)
+        share = int(np.clip(np.ceil(_SHORT * parts * interval / average), 1, parts))
+        steps = np.arange(len(angle) * share - share + 1) / share
         x = (1 - np.cos(np.interp(steps, np.arange(len(angle)), angle))) / 2
         finer = (x - switching_times[k]) / width
-        finer[::parts] = fraction
+        finer[::share] = fraction
         fractions.append(finer)
     return on_knots(spline, KnotGrid(tuple(fractions), spline.grid.runs), switching_times)
 

@@ -22,6 +22,12 @@ from tubeplanner.orientation import (
     rotation_vector,
 )
 
+# The u between which a reference orientation turns: a segment's own, one that turns on beyond its
+# ends, and those that stay at one end.
+Span: TypeAlias = tuple[float, float]
+SEGMENT: Span = (0.0, 1.0)
+TURNING: Span = (-np.inf, np.inf)
+STAYING: tuple[Span, Span] = ((0.0, 0.0), (1.0, 1.0))
 # One angle [rad], or bounds on the three components [rad].
 RotationBound: TypeAlias = float | tuple[float, float, float]
 Segment: TypeAlias = int | IntArray
@@ -64,9 +70,9 @@ class RotationalTube:
         axis = self.points[1:][segment] - start
         return np.sum((tool - start) * axis, axis=-1) / np.sum(axis**2, axis=-1)
 
-    def reference(self, tool: FloatArray, segment: Segment) -> FloatArray:
+    def reference(self, tool: FloatArray, segment: Segment, span: Span = SEGMENT) -> FloatArray:
         """Return the reference orientation of tools (N, 3) [m], shape (N, 3, 3)."""
-        return self.reference_at(np.clip(self.projection(tool, segment), 0.0, 1.0), segment)
+        return self.reference_at(np.clip(self.projection(tool, segment), *span), segment)
 
     def reference_at(self, fraction: FloatArray, segment: Segment) -> FloatArray:
         """Return the reference orientation at fractions (N,) of a segment, shape (N, 3, 3)."""
@@ -74,18 +80,26 @@ class RotationalTube:
             fraction[:, None] * self.rotation_change[segment]
         )
 
-    def error(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
+    def error(
+        self, rotation: FloatArray, tool: FloatArray, segment: Segment, span: Span = SEGMENT
+    ) -> FloatArray:
         """Return log(R_ref^T R), in the frame of the reference, shape (N, 3) [rad].
 
         Args:
             rotation: Orientation R of the tool, shape (N, 3, 3).
             tool: Its position, shape (N, 3) [m].
             segment: Index of the tool's segment.
+            span: The u between which the reference turns.
         """
-        return rotation_vector(self._relative(rotation, tool, segment))
+        return rotation_vector(self._relative(rotation, tool, segment, span))
 
     def error_jacobian(
-        self, rotation: FloatArray, tool: FloatArray, jacobian: FloatArray, segment: Segment
+        self,
+        rotation: FloatArray,
+        tool: FloatArray,
+        jacobian: FloatArray,
+        segment: Segment,
+        span: Span = SEGMENT,
     ) -> tuple[FloatArray, FloatArray]:
         """Return the error and its derivative by the joints.
 
@@ -99,14 +113,15 @@ class RotationalTube:
             tool: Shape (N, 3) [m].
             jacobian: Of the tool in the base frame, linear rows first, shape (N, 6, n).
             segment: Index of the tool's segment.
+            span: The u between which the reference turns.
 
         Returns:
             Error (N, 3) [rad] and derivative (N, 3, n).
         """
-        relative = self._relative(rotation, tool, segment)
+        relative = self._relative(rotation, tool, segment, span)
         error = rotation_vector(relative)
         projection = self.projection(tool, segment)
-        moves = ((projection >= 0) & (projection <= 1))[:, None]
+        moves = ((projection >= span[0]) & (projection <= span[1]))[:, None] * (span[0] < span[1])
         axis = self.points[1:][segment] - self.points[:-1][segment]
         gradient = moves * axis / np.sum(axis**2, axis=-1, keepdims=True)
         fraction_rate = np.einsum("ni,nij->nj", gradient, jacobian[:, :3])
@@ -129,8 +144,10 @@ class RotationalTube:
         angle = np.linalg.norm(error, axis=1, keepdims=True)
         return (self.bounds[segment] - np.hstack([abs(error), angle])).min(axis=1)
 
-    def _relative(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
-        return self.reference(tool, segment).transpose(0, 2, 1) @ rotation
+    def _relative(
+        self, rotation: FloatArray, tool: FloatArray, segment: Segment, span: Span
+    ) -> FloatArray:
+        return self.reference(tool, segment, span).transpose(0, 2, 1) @ rotation
 
 
 def rotational_tube(

@@ -34,11 +34,13 @@ TUBEPLANNER_API void away_from_axes(integer count, const double* points, const d
 }
 
 // How far behind planes their samples' points are, as shares of the extents of the samples' own
-// regions beyond their axes. Planes hold another segment's region too, with another extent.
+// regions beyond their axes. Planes hold another segment's region too, with another extent, or that
+// alone.
 TUBEPLANNER_API void plane_slack(integer count, const integer* sample, const double* normal,
                                  const double* points, const double* begin, const double* end,
-                                 const integer* own, const integer* other, const double* margin,
-                                 const double* extent, const double* other_extent, double* slack) {
+                                 const integer* own, const integer* other, const integer* alone,
+                                 const double* margin, const double* extent,
+                                 const double* other_extent, double* slack) {
     for (integer p = 0; p < count; ++p, normal += 3) {
         const integer at = sample[p], segment = own[at];
         const double room = 1 - margin[at];
@@ -47,6 +49,6 @@ TUBEPLANNER_API void plane_slack(integer count, const integer* sample, const dou
         if (other[p] == segment) continue;
         const double beyond = farthest(normal, begin + 3 * other[p], end + 3 * other[p]) - most +
                               room * (other_extent[p] - extent[p]);
-        if (beyond > 0) slack[p] += beyond / extent[p];
+        if (beyond > 0 || alone[p]) slack[p] += beyond / extent[p];
     }
 }
