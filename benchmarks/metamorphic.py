@@ -18,7 +18,6 @@ or tighter one is planned, or the outside judge (`--judge`) does not pass an ans
 import argparse
 import hashlib
 import math
-from collections.abc import Iterable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -89,7 +88,8 @@ def main() -> int:
         for line in lines_of(missing, partial(examine, options=options), given.processes):
             lines.append(line)
             print(f"{line['seed']} {line.get('arm', '')}: {line['status']}", flush=True)
-            print(*_found(line, options.keep), sep="\n", flush=True)
+            for text in _found(line, options.keep):
+                print(text, flush=True)
             if journal is not None:
                 journal.add(keys[line["seed"]], {"seed": line["seed"]}, line)
     print(report(lines, options))
@@ -151,13 +151,14 @@ def ratios(answers: Fields) -> dict[str, float]:
     return result
 
 
-def is_good(lines: Iterable[Fields]) -> bool:
+def is_good(lines: list[Fields]) -> bool:
     """Return whether few answers are stuck, none is missing, and none fails outside."""
     planned = [line["answers"] for line in lines if line["status"] == "planned"]
     values = [value for answers in planned for value in ratios(answers).values()]
+    few = sum(value > STUCK for value in values) <= MAX_STUCK * len(values)
     judged = [answer.get("judged") is not False for each in planned for answer in each.values()]
-    stuck = sum(value > STUCK for value in values)
-    return all(judged) and all(map(math.isfinite, values)) and stuck <= MAX_STUCK * len(values)
+    ended = [line["status"] != "crash" for line in lines]
+    return few and all(map(math.isfinite, values)) and all(judged) and all(ended)
 
 
 def report(lines: list[Fields], options: Options) -> str:

@@ -149,4 +149,12 @@ def test_the_exit_status_tells_of_what_is_stuck_missing_or_wrong(monkeypatch, ca
     monkeypatch.setattr(metamorphic, "examine", lambda seed, options: made)
     monkeypatch.setattr("sys.argv", ["metamorphic.py", "--seeds", "7", "--processes", "1"])
     assert metamorphic.main() == (0 if good else 1)
-    assert all(name in capsys.readouterr().out for name in line)
+    printed = capsys.readouterr().out
+    assert all(name in printed for name in line)
+
+
+def test_a_family_that_crashes_is_told_and_not_good(monkeypatch, capsys):
+    monkeypatch.setattr(metamorphic, "examine", lambda seed, options: 1 / 0)
+    monkeypatch.setattr("sys.argv", ["metamorphic.py", "--seeds", "7", "--processes", "1"])
+    assert metamorphic.main() == 1
+    assert "7: crash: ZeroDivisionError" in capsys.readouterr().out
