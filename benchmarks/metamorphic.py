@@ -5,7 +5,7 @@
         [--journal F.jsonl] [--keep FOLDER]
 
 A family is a problem of the campaign (`campaign_problems.py`), of a random chain and of a bundled
-arm in turn, and its variants (`metamorphic_variants.py`): equal ones (reversed, mirrored, with all
+arm in turn, and its variants (`metamorphic_families.py`): equal ones (reversed, mirrored, with all
 lengths and gravity scaled, moved with its cell, renamed, split on its lines, with a limit on jerks
 that nothing reaches) and looser ones (wider, with higher limits, without obstacles, rotation or
 signs, with a looser goal, visited in any order, of a better quality). All are planned at slack 0.
@@ -19,44 +19,17 @@ import argparse
 import hashlib
 import math
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
-from functools import cache, partial
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from campaign import lines_of
-from campaign_examine import TOLERANCE, UNBUILT
-from campaign_planner import PlannerProcess
-from campaign_problems import Built, build, write
-from campaign_witness import BUNDLED, Unsuitable, bundled_arm, random_chain
-from metamorphic_variants import EQUAL, LOOSER, VARIANTS, Fields, Variant, file_of
-from outside_judge import judge, passes
+from metamorphic_families import EQUAL, LOOSER, VARIANTS, Fields, Options, examine
 from shared import HERE, geometric_mean
 from tubeplanner.studies.journal import Journal
 
 STUCK, MAX_STUCK = 1.01, 0.02
 LEVELS = (1.001, 1.005, STUCK)
-MAX_WALL = 10.0  # times the limit of processor time
-
-
-@dataclass(frozen=True)
-class Options:
-    """How families are planned.
-
-    Attributes:
-        names: Variants beside the base.
-        keep: Folder of the families.
-        cpu_limit: Processor time after which a plan is ended [s].
-        against: Another checkout that plans them as well, or None.
-        judged: Whether the outside judge sees every answer.
-    """
-
-    names: tuple[str, ...]
-    keep: Path
-    cpu_limit: float
-    against: Path | None = None
-    judged: bool = False
 
 
 def main() -> int:
@@ -94,36 +67,6 @@ def main() -> int:
                 journal.add(keys[line["seed"]], {"seed": line["seed"]}, line)
     print(report(lines, options))
     return int(not is_good(lines))
-
-
-def examine(seed: int, options: Options) -> Fields:
-    """Return the line of a family: the answers to its variants."""
-    folder = options.keep / f"family_{seed}"
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        built = family(seed, folder)
-    except Unsuitable as error:
-        return {"seed": seed, "status": UNBUILT, "message": str(error)}
-    answers: Fields = {}
-    for variant in VARIANTS:
-        fields = variant.change(built) if variant.name in options.names else None
-        if fields is not None:
-            path = file_of(variant, folder)
-            write(fields, path)
-            answers[variant.name] = _answer(variant, path, options)
-    return {"seed": seed, "status": "planned", "arm": built.arm, "answers": answers}
-
-
-def family(seed: int, folder: Path) -> Built:
-    """Write the base problem of a family into a folder, with its witness; always the same.
-
-    Raises:
-        Unsuitable: The arm of this seed became no problem.
-    """
-    if seed % 2:
-        return build(seed, folder, robot=bundled_arm(list(BUNDLED)[seed // 2 % len(BUNDLED)]))
-    (folder / "chain.urdf").write_text(random_chain(np.random.default_rng(seed)))
-    return build(seed, folder, robot={"urdf": "chain.urdf", "tool_frame": "tip"})
 
 
 def ratios(answers: Fields) -> dict[str, float]:
@@ -224,28 +167,6 @@ def _found(line: Fields, folder: Path) -> list[str]:
         path = folder / f"family_{line['seed']}" / name.replace(" ", "_")
         rows.append(f"{line['seed']} {line['arm']}: {name}: {what} {path}.yaml")
     return rows
-
-
-def _answer(variant: Variant, path: Path, options: Options) -> Fields:
-    """Return what this checkout, and the other one, plan of a file."""
-    asked: Fields = {"problem": str(path), "time_limit": None, "slack": 0.0, "baselines": False}
-    asked |= {"quality": variant.quality, "cpu_limit": options.cpu_limit}
-    answers = []
-    for checkout in filter(None, (HERE, options.against)):
-        trajectory = path.with_suffix(".json" if checkout == HERE else ".other.json")
-        asked["trajectory"] = str(trajectory)
-        answer = _planner(checkout).plan(asked, MAX_WALL * options.cpu_limit)
-        answer = dict.fromkeys(("duration", "cpu")) | answer
-        kept = {key: answer[key] for key in ("status", "message", "duration", "cpu")}
-        if options.judged and answer["status"] == "success":
-            kept["judged"] = passes(judge(path, trajectory), TOLERANCE)
-        answers.append(kept)
-    return answers[0] | ({"other": answers[1]} if options.against else {})
-
-
-@cache
-def _planner(checkout: Path) -> PlannerProcess:
-    return PlannerProcess(checkout)
 
 
 def _key(seed: int, options: Options) -> str:

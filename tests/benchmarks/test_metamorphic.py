@@ -7,7 +7,7 @@ import pytest
 
 import metamorphic
 from campaign_problems import write
-from metamorphic_variants import EQUAL, VARIANTS, file_of
+from metamorphic_families import EQUAL, VARIANTS, family, file_of
 from tubeplanner import JointTrajectory, PlanOptions, load_problem, plan, verify
 
 SIZES = {"x0.3": 0.3, "x10": 10.0}
@@ -29,13 +29,13 @@ FAMILIES = {
 
 
 @pytest.fixture(scope="module")
-def family(tmp_path_factory):
+def base(tmp_path_factory):
     """Return a function from a seed to the base problem of its family."""
     built = {}
 
     def of(seed):
         if seed not in built:
-            built[seed] = metamorphic.family(seed, tmp_path_factory.mktemp(f"family_{seed}"))
+            built[seed] = family(seed, tmp_path_factory.mktemp(f"family_{seed}"))
         return built[seed]
 
     return of
@@ -70,8 +70,8 @@ def carried(witness, slides, name, problem):
 
 @pytest.mark.dear("builds ten problems and verifies a trajectory in a third of their variants")
 @pytest.mark.parametrize(("part", "seed"), list(enumerate(FAMILIES)))
-def test_a_solution_of_the_base_solves_every_variant_and_equal_ones_ask_as_much(family, part, seed):
-    built = family(seed)
+def test_a_solution_of_the_base_solves_every_variant_and_equal_ones_ask_as_much(base, part, seed):
+    built = base(seed)
     witness, slides = built.witness.trajectory, built.judge.arm.slides
     margins = {}
     for variant in (VARIANTS[0], *VARIANTS[1 + part % 3 : -2 : 3]):
@@ -82,18 +82,18 @@ def test_a_solution_of_the_base_solves_every_variant_and_equal_ones_ask_as_much(
         assert certificate.passed, (name, certificate.message)
         margins[name] = {k: each.margin for k, each in certificate.conditions.items()}
         if variant.relation == EQUAL:
-            base, size = margins["base"], SIZES.get(name, 1.0)
+            known, size = margins["base"], SIZES.get(name, 1.0)
             for key in ("velocity", "acceleration", "effort", "motor_curve"):
-                assert margins[name].get(key) == pytest.approx(base.get(key), abs=1e-6), name
+                assert margins[name].get(key) == pytest.approx(known.get(key), abs=1e-6), name
             for key in ("obstacles", "self_collision"):
-                scaled = base[key] and size * base[key]
+                scaled = known[key] and size * known[key]
                 assert margins[name][key] == pytest.approx(scaled, abs=1e-6), name
 
 
 @pytest.mark.dear("plans two to four problems of each of ten families")
 @pytest.mark.parametrize(("seed", "names"), FAMILIES.items())
-def test_equal_problems_are_planned_equally_fast_and_looser_ones_never_slower(family, seed, names):
-    built = family(seed)
+def test_equal_problems_are_planned_equally_fast_and_looser_ones_never_slower(base, seed, names):
+    built = base(seed)
     answers = {}
     for name in ("base", *names):
         options = PlanOptions(quality=BY_NAME[name].quality, slack=0.0)

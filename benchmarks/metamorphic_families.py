@@ -1,7 +1,7 @@
-"""Variants of a problem: equal ones, and looser ones, of which a solution is known.
+"""Families of problems, equal and looser variants of a base, and what comes of planning them.
 
-Every equal variant keeps the values of turning joints and multiplies those of sliding ones by its
-size, at the same times (or, reversed, at the opposite ones).
+A solution of the base is one of every variant. In equal ones, turning joints have the same values
+and sliding ones those times the size, at the same times or, reversed, at the opposite ones.
 """
 
 import math
@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,13 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation, Slerp
 
-from campaign_problems import PER_SEGMENT, Built, reversed_problem
+from campaign_examine import TOLERANCE, UNBUILT
+from campaign_planner import PlannerProcess
+from campaign_problems import PER_SEGMENT, Built, build, reversed_problem, write
+from campaign_witness import BUNDLED, Unsuitable, bundled_arm, random_chain
 from outside.files import find_urdf, placement_of, read_description
+from outside_judge import judge, passes
+from shared import HERE
 
 EQUAL, LOOSER, TIGHTER = "equal", "looser", "tighter"
 WIDER, HIGHER, SPLIT = 1.2, 1.1, 0.4
@@ -30,6 +36,7 @@ POWERS = {
     **dict.fromkeys(("effort", "effort_rate", "coulomb_friction", "saturation_effort"), (2, 1)),
     **dict.fromkeys(("armature", "viscous_friction"), (2, 0)),
 }
+MAX_WALL = 10.0  # times the limit of processor time
 Fields = dict[str, Any]
 
 
@@ -52,6 +59,55 @@ class Variant:
     relation: str = EQUAL
     beyond: tuple[str, ...] = ()
     quality: str = "balanced"
+
+
+@dataclass(frozen=True)
+class Options:
+    """How families are planned.
+
+    Attributes:
+        names: Variants beside the base.
+        keep: Folder of the families.
+        cpu_limit: Processor time after which a plan is ended [s].
+        against: Another checkout that plans them as well, or None.
+        judged: Whether the outside judge sees every answer.
+    """
+
+    names: tuple[str, ...]
+    keep: Path
+    cpu_limit: float
+    against: Path | None = None
+    judged: bool = False
+
+
+def examine(seed: int, options: Options) -> Fields:
+    """Return the line of a family: the answers to its variants."""
+    folder = options.keep / f"family_{seed}"
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        built = family(seed, folder)
+    except Unsuitable as error:
+        return {"seed": seed, "status": UNBUILT, "message": str(error)}
+    answers: Fields = {}
+    for variant in VARIANTS:
+        fields = variant.change(built) if variant.name in options.names else None
+        if fields is not None:
+            path = file_of(variant, folder)
+            write(fields, path)
+            answers[variant.name] = _answer(variant, path, options)
+    return {"seed": seed, "status": "planned", "arm": built.arm, "answers": answers}
+
+
+def family(seed: int, folder: Path) -> Built:
+    """Write the base problem of a family into a folder, with its witness; always the same.
+
+    Raises:
+        Unsuitable: The arm of this seed became no problem.
+    """
+    if seed % 2:
+        return build(seed, folder, robot=bundled_arm(list(BUNDLED)[seed // 2 % len(BUNDLED)]))
+    (folder / "chain.urdf").write_text(random_chain(np.random.default_rng(seed)))
+    return build(seed, folder, robot={"urdf": "chain.urdf", "tool_frame": "tip"})
 
 
 @dataclass(frozen=True)
@@ -399,3 +455,25 @@ VARIANTS = (
 def file_of(variant: Variant, folder: Path) -> Path:
     """Return the path of a variant's problem file in a family's folder."""
     return folder / f"{variant.name.replace(' ', '_')}.yaml"
+
+
+def _answer(variant: Variant, path: Path, options: Options) -> Fields:
+    """Return what this checkout, and the other one, plan of a file."""
+    asked: Fields = {"problem": str(path), "time_limit": None, "slack": 0.0, "baselines": False}
+    asked |= {"quality": variant.quality, "cpu_limit": options.cpu_limit}
+    answers = []
+    for checkout in filter(None, (HERE, options.against)):
+        trajectory = path.with_suffix(".json" if checkout == HERE else ".other.json")
+        asked["trajectory"] = str(trajectory)
+        answer = _planner(checkout).plan(asked, MAX_WALL * options.cpu_limit)
+        answer = dict.fromkeys(("duration", "cpu")) | answer
+        kept = {key: answer[key] for key in ("status", "message", "duration", "cpu")}
+        if options.judged and answer["status"] == "success":
+            kept["judged"] = passes(judge(path, trajectory), TOLERANCE)
+        answers.append(kept)
+    return answers[0] | ({"other": answers[1]} if options.against else {})
+
+
+@cache
+def _planner(checkout: Path) -> PlannerProcess:
+    return PlannerProcess(checkout)
