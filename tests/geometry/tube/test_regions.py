@@ -26,6 +26,22 @@ def unit_vectors(rng, count):
     return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
+# --- nearest points ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [{"radius": 0.1}, {"radius": None, "cross_section": FLAT}])
+def test_nearest_points_are_inside_and_nothing_inside_is_nearer(shape):
+    rng, region = np.random.default_rng(4), Tube(LINE, **shape).regions
+    p, segment = rng.uniform([-0.5] * 3, [1.5, 0.5, 0.5], (200, 3)), np.zeros(200, dtype=np.int64)
+    nearest, is_inside = region.nearest(p, segment), region.margin(p, segment) >= 0
+    assert 0 < is_inside.sum() < 200
+    np.testing.assert_array_equal(nearest[is_inside], p[is_inside])
+    assert region.margin(nearest, segment).min() > -1e-12
+    # Of convex regions: all of them lies beyond the plane through the nearest point.
+    ahead = np.einsum("pi,qpi->qp", p - nearest, p[is_inside, None] - nearest)
+    assert ahead.max() < 1e-12
+
+
 # --- native and NumPy ----------------------------------------------------------------------------
 
 RNG = np.random.default_rng(2)

@@ -86,6 +86,9 @@ class SegmentRegions(Protocol):
     def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return unit normals where the fraction grows fastest, (R, 3); zero on the axis."""
 
+    def nearest(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return the points of regions nearest to points (R, 3), shape (R, 3)."""
+
     def faces(self, segment: IntArray) -> Sequence[FloatArray]:
         """Return normals of faces that do not depend on the point, each (R, 3); zero: none."""
 
@@ -122,6 +125,12 @@ class Capsules:
         away, distance = self._away(p, segment)
         distance = distance[..., None]
         return np.divide(away, distance, out=np.zeros_like(away), where=distance > _NO_LENGTH)
+
+    def nearest(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return the nearest points of the capsules."""
+        outside = np.maximum(-self.margin(p, segment), 0.0)[:, None]
+        nearest: FloatArray = p - outside * self.outward(p, segment)
+        return nearest
 
     def faces(self, segment: IntArray) -> Sequence[FloatArray]:
         """Return the normals at both caps: the axes' directions; zero for balls."""
@@ -335,6 +344,15 @@ class BoxRegions(Capsules):
         side = np.sign(np.einsum("ri,ri->r", normal, p - self.begin[segment]))
         normal = np.where((fraction.max(axis=-1) > 0)[:, None], side[:, None] * normal, 0.0)
         return np.where(self.is_box[segment, None], normal, super().outward(p, segment))
+
+    def nearest(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return the nearest points of the boxes, or else of the capsules."""
+        begin, frame = self.begin[segment], self.frame[segment]
+        local = np.einsum("rai,ri->ra", frame, p - begin)
+        low, high = -self.half[segment], self.half[segment].copy()
+        high[:, 2] += np.linalg.norm(self.end[segment] - begin, axis=1)
+        inside = begin + np.einsum("rai,ra->ri", frame, np.clip(local, low, high))
+        return np.where(self.is_box[segment, None], inside, super().nearest(p, segment))
 
     def faces(self, segment: IntArray) -> Sequence[FloatArray]:
         """Return the normals at both ends and of the other four faces."""
