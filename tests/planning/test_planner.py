@@ -462,13 +462,6 @@ def test_fewer_knots_are_a_little_slower_and_more_a_little_faster(two_link):
     assert 0.98 * balanced < best <= balanced
 
 
-def test_any_order_of_visits_is_searched(two_link):
-    """Phases are visited in order; a union takes the other road."""
-    problem = two_link_problem(two_link)
-    union = problem.with_tube(replace(problem.tube, visit="any"))
-    assert plan(union, PlanOptions(candidate_points=15, slack=0.0)).method == SEARCH
-
-
 # A problem whose cell is moved together with its robot is the same problem.
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import chain
+from itertools import chain, pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -185,9 +185,11 @@ class SplineConstraints:
             True: grid.samples(_JUMP_SAMPLES),
         }
         self._tube_samples = grid.samples(_TUBE_SAMPLES).and_also(ends)
-        # The segment before a compulsory point is the last one of its phase.
-        stops = [run.stop for run in grid.runs]
-        self._passing_samples = ends.where(np.searchsorted(stops, problem.tube.compulsory_points))
+        # The segment before a compulsory point is the last of its phase, the one after it the first
+        # of the next phase.
+        points = [run.stop if run.stop == after.start else 0 for run, after in pairwise(grid.runs)]
+        passing = [points.index(k) for k in problem.tube.compulsory_points.tolist()]
+        self._passing_samples = ends.where(np.array(passing, dtype=np.int64))
         self._last_sample = ends.where(np.array([len(grid.runs) - 1]))
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
         # The segments of runs that get a sample wherever the tool is.

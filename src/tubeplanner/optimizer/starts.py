@@ -1,5 +1,6 @@
 """First splines of a refinement: reference branch, coarser knots, last motion, period grid."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -9,11 +10,12 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.branches import ReferenceBranch, end_configuration
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.segment_walk import wanted_at
-from tubeplanner.limits.tube_membership import tube_use
+from tubeplanner.limits.tube_membership import membership_margin, tube_use
 from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline, sampled
 from tubeplanner.optimizer.tube_phases import OrderedSegments, smoother_problem, tube_chains
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import REST_POINTS, fitted_control_points, times_between
 
 # ---- First splines along the reference branch, and splines on other knots.
@@ -34,22 +36,23 @@ _SHORT = 1.5
 # Where the goal is at the last corner, the arm stands still in the last phase. A phase of less
 # width than the first value gets the second: its knots must not coincide.
 _STILL, _STILL_WIDTH = 1e-6, 1e-3
+_VISIT_SAMPLES = 2001  # of a trajectory, to find the segments that it visits
 
 
 def sufficient_start(
-    problem: PlanningProblem, branch: ReferenceBranch, intervals: int
+    problem: PlanningProblem, start_of: Callable[[int], PhasedSpline], intervals: int
 ) -> PhasedSpline:
-    """Return a spline along the branch with as many knots as its chains need.
+    """Return the spline of a number of knot intervals with as many knots as its chains need.
 
     In a chain no switching time moves knots to bends of the path, and coarse knots would lead the
     tool past whole segments. It has at least about `intervals` knot intervals.
     """
-    spline = starting_spline(problem, branch, intervals)
+    spline = start_of(intervals)
     for more in _INTERVALS:
         if _excess_in_chains(problem, spline) < _ENOUGH:
             break
         if more > intervals:
-            spline = starting_spline(problem, branch, more)
+            spline = start_of(more)
     return spline
 
 
@@ -78,6 +81,70 @@ def starting_spline(
     course = np.interp(times, x, covered)
     path = np.array([np.interp(course, travel[apart], column[apart]) for column in q.T]).T
     return _fitted(grid, switching_times, times, path, (branch.start, branch.goal))
+
+
+def visited_phases(
+    problem: PlanningProblem, trajectory: JointTrajectory
+) -> tuple[tuple[range, ...], FloatArray]:
+    """Return the segments of P phases that a trajectory visits, and the phases' ends, (P+1,).
+
+    Segments are visited in any order, as few as there may be; but at compulsory points, the segment
+    before passes on to the segment after the point. Ends are from 0 to 1.
+    """
+    tube, x = problem.tube, np.linspace(0, 1, _VISIT_SAMPLES)
+    q = trajectory.position(x * trajectory.duration)
+    tool, margin = problem.robot.tool_position(q), membership_margin(problem, q)
+    is_outside = margin < np.minimum(margin.max(axis=1, keepdims=True), 0.0)
+    # The first and the last sample of the stay in each segment, by a sample of the stay, (N, m).
+    sample = np.arange(len(x))[:, None]
+    first = np.maximum.accumulate(np.where(is_outside, sample + 1, 0))
+    last = np.minimum.accumulate(np.where(is_outside, sample - 1, len(x) - 1)[::-1])[::-1]
+    points = tube.compulsory_points.tolist()
+    away = np.linalg.norm(tool[:, None] - tube.points[points], axis=2)
+    passages = sorted(zip(away.argmin(axis=0).tolist(), points, strict=True))
+    # Segments, and the first and the last sample at which the tool may pass on to them.
+    visits: list[tuple[int, int, int]] = []
+    here = 0  # the last sample in the latest segment
+    for instant, point in [*passages, (len(x) - 1, None)]:
+        until = instant if point is None else int(first[instant, point - 1])
+        while here < until or not visits:
+            here += int(visits != [] and last[here].max() == here)
+            segment = int(last[here].argmax())
+            visits.append((segment, int(first[here, segment]), here))
+            here = int(last[here, segment])
+        if point is not None:
+            at = min(here, instant)
+            visits += [(point - 1, int(first[at, point - 1]), at), (point, instant, instant)]
+            here = max(int(last[instant, point]), instant)
+    chain_of = {segment: chain for chain in tube_chains(problem) for segment in chain}
+    runs, ends = [range(visits[0][0], visits[0][0] + 1)], [0]
+    for segment, earliest, latest in visits[1:]:
+        run = runs[-1]
+        if segment == run[-1]:
+            continue
+        if segment == run.stop and run.start in chain_of[segment]:
+            runs[-1] = range(run.start, segment + 1)
+            continue
+        # There the tool is deepest in both segments.
+        both = slice(min(max(ends[-1], earliest), latest), latest + 1)
+        depth = np.minimum(margin[both, run[-1]], margin[both, segment])
+        ends.append(both.start + int(depth.argmax()))
+        runs.append(range(segment, segment + 1))
+    return tuple(runs), x[[*ends, -1]]
+
+
+def spline_along(
+    trajectory: JointTrajectory, runs: tuple[range, ...], ends: FloatArray, intervals: int
+) -> PhasedSpline:
+    """Return a spline along a trajectory, with phases of given segments that end at times (P+1,).
+
+    Times are from 0 to 1. The spline has about `intervals` knot intervals.
+    """
+    switching_times = _with_width(ends)
+    grid = knot_grid(switching_times, intervals, runs)
+    times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
+    path, rest = (trajectory.position(x * trajectory.duration) for x in (times, ends[[0, -1]]))
+    return _fitted(grid, switching_times, times, path, (rest[0], rest[1]))
 
 
 def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
@@ -179,14 +246,16 @@ class RefinedMotion:
     def suited(self, changed: PlanningProblem) -> PlanningProblem | None:
         """Return the changed problem (or its smoother variant) if the motion suits the problem.
 
-        The motion suits a problem with the same joints, and phases of the same segments; else None.
+        The motion suits a problem with the same joints, phases of the same segments, and the same
+        compulsory points; else None.
         """
         if changed.robot.joint_names != self.problem.robot.joint_names:
             return None
         inner = smoother_problem(changed) if self.is_smoother else changed
-        if inner is None or tube_chains(inner) != self.spline.grid.runs:
+        if inner is None or tube_chains(inner) != tube_chains(self.problem):
             return None
-        return inner
+        is_alike = np.array_equal(inner.tube.compulsory_points, self.problem.tube.compulsory_points)
+        return inner if is_alike else None
 
     def shifted(self, changed: PlanningProblem) -> PhasedSpline:
         """Return the motion from a changed problem's start to its goal, on the same knots.

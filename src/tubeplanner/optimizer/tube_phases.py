@@ -55,8 +55,9 @@ def largest_kink(tube: Tube, runs: tuple[range, ...], spacing: float) -> float:
     On the inner side of a corner the tool is farthest from both legs where it passes from one to
     the other. Samples have a spacing along the path [m].
     """
-    inner = np.ones(tube.segment_count - 1, dtype=bool)
-    inner[[run.stop - 1 for run in runs[:-1]]] = False
+    inner = np.zeros(tube.segment_count - 1, dtype=bool)
+    for run in runs:
+        inner[run.start : run.stop - 1] = True
     return float(_kinks(tube, spacing, _turns(tube))[inner].max(initial=0.0))
 
 
@@ -458,11 +459,10 @@ def widened_radius(tube: Tube, grid: KnotGrid) -> FloatArray:
     """
     axis = np.diff(tube.points, axis=0)
     length = np.linalg.norm(axis, axis=1)
-    interval = [
-        length[run.start : run.stop].sum() / (len(fractions) - 1)
-        for run, fractions in zip(grid.runs, grid.fractions, strict=True)
-    ]
-    interval_of = np.repeat(interval, [len(run) for run in grid.runs])
+    interval_of = np.zeros(tube.segment_count)
+    for run, fractions in zip(grid.runs, grid.fractions, strict=True):
+        own = slice(run.start, run.stop)
+        interval_of[own] = length[own].sum() / (len(fractions) - 1)
     # A circle that touches both legs at a distance d from the corner has the radius d tan(phi / 2),
     # phi being the angle between the legs.
     along = axis / length[:, None]

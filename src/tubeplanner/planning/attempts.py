@@ -3,9 +3,18 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tubeplanner.first_guess.branches import KnownBranches
 from tubeplanner.optimizer.starts import RefinedMotion
-from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus
+from tubeplanner.outcome import (
+    Infeasible,
+    Location,
+    PlanningClock,
+    PlanStatus,
+    StoppedBy,
+    TimeLimitReached,
+)
 from tubeplanner.planning.diagnosis import blocking_sample, refined_diagnosis, require_possible
 from tubeplanner.planning.options import (
     BRANCH_AND_BOUND,
@@ -29,21 +38,27 @@ from tubeplanner.task.problem import PlanningProblem
 _CONTINUED = "planned from the last motion, not afresh"
 # Fraction of the time limit after which refinement pauses for stops at corners.
 _RESERVE_AT = 0.25
+# Fraction by which a motion in fewer segments is faster if there may be one in still fewer.
+_WORTHWHILE = 0.005
 
 
 class _Planning:
     """The state of the attempts at a problem.
 
     Attributes:
-        method: The method; tubes whose segments have no order are searched, not refined.
+        is_union: True if refinement's motion, which visits segments in order, competes with others.
         is_brief: True if refinement is to give up early.
         corners: Stops at corners, after that attempt or in reserve.
         refined: The best result of refinement so far.
+        latest: The latest motion in a union, until it is refined in the segments that it visits.
+        fastest: The fastest motion in a union so far.
         refusal: The refusal of all attempts before the diagnosis.
     """
 
     corners: StoppingPlan | None = None
     refined: PlanResult | None = None
+    latest: PlanResult | None = None
+    fastest: PlanResult | None = None
     refusal: PlanResult | None = None
 
     def __init__(
@@ -54,10 +69,10 @@ class _Planning:
         clock: PlanningClock,
     ) -> None:
         self.problem, self.last, self.options, self.clock = problem, last, options, clock
-        is_ordered = problem.tube.visit == "ordered"
-        is_searched = options.method == REFINEMENT and not is_ordered
-        self.method = BRANCH_AND_BOUND if is_searched else options.method
-        self.is_brief = self.method == REFINEMENT and not options.persistent
+        has_no_order = problem.tube.visit == "any" and problem.tube.segment_count > 1
+        self.is_union = options.method == REFINEMENT and has_no_order
+        is_refined_in_order = options.method == REFINEMENT and not has_no_order
+        self.is_brief = is_refined_in_order and not options.persistent
         self.branches = KnownBranches(problem, clock)
         self.starts = RefinedPlans(problem, self.branches, options, clock, self._fill_reserve)
 
@@ -70,10 +85,38 @@ class _Planning:
         return self.corners
 
     @property
+    def has_none_in_order(self) -> bool:
+        """True if refinement has no motion in a union and is to go on."""
+        has_motion = self.refined is not None and self.refined.succeeded
+        return self.options.persistent and not has_motion
+
+    @property
     def can_stop_at_corners(self) -> bool:
         """True if stops at corners are certified, the clock not stopped."""
         result = self.stopping().result
         return result.succeeded and result.stopped_by is None
+
+    def compared(self, result: PlanResult | None) -> PlanResult | None:
+        """Return a result; in a union None, as other motions may be faster, unless stopped."""
+        if result is None or not self.is_union:
+            return result
+        if result.succeeded:
+            self.latest = result
+        known, search = self.fastest, result.search
+        if known is not None:
+            search = search or known.search
+            is_faster = result.duration is not None and result.duration < (known.duration or 0.0)
+            self.fastest = replace(result if is_faster else known, search=search)
+        elif result.succeeded:
+            self.fastest = result
+        if result.stopped_by is None:
+            return None
+        return result if self.fastest is None else self.stopped(result.stopped_by)
+
+    def stopped(self, stopped_by: StoppedBy) -> PlanResult:
+        """Return the fastest motion in a union, as the answer of stopped planning."""
+        assert self.fastest is not None
+        return replace(self.fastest, stopped_by=stopped_by)
 
     def _fill_reserve(self) -> None:
         if self.clock.used >= _RESERVE_AT:
@@ -81,6 +124,8 @@ class _Planning:
 
     def without_motion(self, stopped: PlanResult) -> PlanResult:
         """Return the result of refinement that was stopped: the reserve, or the reason."""
+        if self.fastest is not None:
+            return self.stopped(stopped.stopped_by or "interrupt")
         if self.corners is None and self.branches.has_any:  # then corners take little time
             silent = PlanningClock(None, None)  # the callback would only interrupt again
             self.corners = stopping_plan(self.problem, self.branches.under(silent), silent)
@@ -136,26 +181,44 @@ def _every_start(state: _Planning) -> PlanResult | None:
 def _refined(state: _Planning, result: PlanResult | None) -> PlanResult | None:
     state.refined = result
     if result is None or result.succeeded:
-        return result
+        return state.compared(result)
     return None if result.stopped_by is None else state.without_motion(result)
 
 
 def _stops_at_corners(state: _Planning) -> PlanResult | None:
     result = state.stopping(every_rule=not state.is_brief).result
-    if state.method == STOP_AT_CORNERS:
+    if state.options.method == STOP_AT_CORNERS:
         return result
     is_enough = state.is_brief and not result.succeeded
     return state.better_reason(result) if is_enough else None
 
 
 def _narrower_tubes(state: _Planning) -> PlanResult | None:
-    return narrowed_plan(state.problem, state.options, state.clock)
+    return state.compared(narrowed_plan(state.problem, state.options, state.clock))
+
+
+def _visited_segments(state: _Planning) -> PlanResult | None:
+    slower = np.inf
+    while (motion := state.latest) is not None:
+        state.latest, duration = None, motion.duration or 0.0
+        if duration > (1 - _WORTHWHILE) * slower:
+            return None
+        slower, result = duration, state.starts.in_visited_segments(motion)
+        if (answer := state.compared(result)) is not None:
+            return answer
+    return None
 
 
 def _search(state: _Planning) -> PlanResult | None:
     result = searched_plan(state.problem, state.stopping(), state.options, state.clock)
     state.refusal = result = state.better_reason(result)
-    return result if result.succeeded or state.method != REFINEMENT else None
+    if state.is_union:
+        return state.compared(result)
+    return result if result.succeeded or state.options.method != REFINEMENT else None
+
+
+def _fastest(state: _Planning) -> PlanResult | None:
+    return state.fastest or state.refusal
 
 
 def _diagnosis(state: _Planning) -> PlanResult | None:
@@ -169,7 +232,7 @@ class Attempt:
 
     # returns the result that ends planning, None for the next attempt; Infeasible is a result too
     run: Callable[[_Planning], PlanResult | None]
-    methods: tuple[str, ...]
+    methods: tuple[str, ...] = (REFINEMENT,)
     applies: Callable[[_Planning], bool] = lambda state: True
 
 
@@ -192,6 +255,24 @@ ATTEMPTS = (
     Attempt(_search, (REFINEMENT, BRANCH_AND_BOUND)),
     Attempt(_diagnosis, (REFINEMENT,)),
 )
+# In a union of segments, refinement visits them in order, and branch and bound in any. What either
+# finds does not end planning: it is refined again in the segments alone that it visits, and the
+# fastest motion of all is the answer. Refinement in order goes on until it has a motion, so that
+# the answer is no slower than that of the same tube with an order.
+UNION_ATTEMPTS = (
+    Attempt(_necessary_conditions),
+    Attempt(_rest),
+    Attempt(_last_motion, applies=lambda state: state.last is not None),
+    Attempt(_first_start),
+    Attempt(_visited_segments),
+    Attempt(_stops_at_corners),
+    Attempt(_search),
+    Attempt(_visited_segments),
+    Attempt(_every_start, applies=lambda state: state.has_none_in_order),
+    Attempt(_narrower_tubes, applies=lambda s: s.has_none_in_order and s.can_stop_at_corners),
+    Attempt(_visited_segments),
+    Attempt(_fastest),
+)
 
 
 def attempted_plan(
@@ -205,12 +286,18 @@ def attempted_plan(
         TimeLimitReached: Before there was a result; likewise KeyboardInterrupt.
     """
     state, result = _Planning(problem, last, options, clock), None
-    attempts = (each for each in ATTEMPTS if state.method in each.methods and each.applies(state))
+    table = UNION_ATTEMPTS if state.is_union else ATTEMPTS
+    attempts = (each for each in table if options.method in each.methods and each.applies(state))
     try:
         while result is None:
             result = next(attempts).run(state)
     except Infeasible as reason:
-        result = refused_result(reason, options.method)
+        result = state.fastest or refused_result(reason, options.method)
+    except (TimeLimitReached, KeyboardInterrupt) as reason:
+        if state.fastest is None:
+            raise
+        is_late = isinstance(reason, TimeLimitReached)
+        result = state.stopped("time_limit" if is_late else "interrupt")
     if result.proved is not False or result.starts_tried:
         return result
     return replace(result, starts_tried=state.branches.tried)

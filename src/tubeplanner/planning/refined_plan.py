@@ -13,7 +13,13 @@ from tubeplanner.first_guess.branches import KnownBranches, ReferenceBranch, red
 from tubeplanner.limits.speed_limits import scaled_to_limits
 from tubeplanner.optimizer.phased_spline import PhasedSpline
 from tubeplanner.optimizer.stages import Refinement, Stage, has_enough_knots, limit_sensitivities
-from tubeplanner.optimizer.starts import RefinedMotion, sufficient_start
+from tubeplanner.optimizer.starts import (
+    RefinedMotion,
+    spline_along,
+    starting_spline,
+    sufficient_start,
+    visited_phases,
+)
 from tubeplanner.optimizer.tube_phases import (
     sharpest_bend,
     smoother_problem,
@@ -116,6 +122,45 @@ class RefinedPlans:
         """
         return self._until(lambda best: best.succeeded and not self._quality.every_start)
 
+    def in_visited_segments(self, known: PlanResult) -> PlanResult | None:
+        """Return the result in the segments alone that a motion visits, in its order.
+
+        None: no result, or the motion was refined in these segments, or another in all of them.
+        """
+        trajectory, refined = known.trajectory, known.motion
+        if refined is None and self._best is not None:
+            refined = self._best.motion
+        assert trajectory is not None
+        runs, ends = visited_phases(self._problem, trajectory)
+        if refined is not None and refined.spline.grid.runs == runs:
+            return None
+        start_of = partial(spline_along, trajectory, runs, ends)
+        knots = _suitable_knots(self._problem, start_of, self._quality)[:1]
+        ((spline, divisions),) = _begun(self._problem, start_of, knots)
+        with suppress(Infeasible):
+            return self._refined(self._problem, spline, divisions, widens=False)[1]
+        return None
+
+    def _refined(
+        self,
+        inner: PlanningProblem,
+        spline: PhasedSpline,
+        divisions: tuple[int, ...],
+        *,
+        widens: bool,
+    ) -> tuple[bool, PlanResult | None]:
+        """Return whether refinement of a spline gave up, and its result; None: it has none.
+
+        Only the first refusal is reported: where refinement gave up later, no reason is needed.
+        """
+        knots = spline.grid.interval_count * int(np.prod(divisions))
+        checkpoint = entered(knots, self._clock, self._after_step)
+        refinement = Refinement(inner, spline, divisions, checkpoint, widens=widens)
+        result = certified_refinement(
+            self._problem, refinement, self._clock, needs_reason=self._best is None
+        )
+        return refinement.gave_up, result
+
     def _until(self, is_enough: Callable[[PlanResult], bool]) -> PlanResult | None:
         def work() -> None:
             for best in self._results:
@@ -139,17 +184,9 @@ class RefinedPlans:
                     if not (_is_widened(inner, start.spline) or (first_gave_up and is_coarse)):
                         continue
                 try:
-                    knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
-                    checkpoint = entered(knots, self._clock, self._after_step)
-                    refinement = Refinement(
-                        inner, start.spline, start.divisions, checkpoint, widens=start.widens
+                    gave_up, result = self._refined(
+                        inner, start.spline, start.divisions, widens=start.widens
                     )
-                    # Only the first refusal is reported: where refinement gave up later, no reason
-                    # is needed.
-                    result = certified_refinement(
-                        self._problem, refinement, self._clock, needs_reason=self._best is None
-                    )
-                    gave_up = refinement.gave_up
                 except Infeasible:  # nothing from this start
                     continue
                 first_gave_up = gave_up if first_gave_up is None else first_gave_up
@@ -222,26 +259,36 @@ def _starts(
             return
         if any(branch.is_as(other) for other in distinct):
             continue
-        wide = sufficient_start(problem, branch, quality.knots[0][0])
-        has_runs = any(len(run) > 1 for run in wide.grid.runs)
-        is_narrow = has_runs or _is_widened(problem, wide)
-        knots = quality.narrow_knots if is_narrow else quality.knots
-        for start in _starts_from(problem, branch, knots[: 1 if distinct else None]):
+        start_of = partial(starting_spline, problem, branch)
+        knots = _suitable_knots(problem, start_of, quality)[: 1 if distinct else None]
+        for spline, divisions in _begun(problem, start_of, knots):
+            start = _Start(branch, spline, divisions)
             first = first or start
             yield start
         distinct.append(branch)
     if first is not None:
         yield replace(first, widens=False)
     for branch in dict.fromkeys(nearly):
-        yield from _starts_from(problem, branch, quality.other_knots)
+        start_of = partial(starting_spline, problem, branch)
+        for spline, divisions in _begun(problem, start_of, quality.other_knots):
+            yield _Start(branch, spline, divisions)
 
 
-def _starts_from(
-    problem: PlanningProblem, branch: ReferenceBranch, knots: _Knots
-) -> Iterator[_Start]:
-    """Yield a start from a branch for each choice of knots."""
+def _suitable_knots(
+    problem: PlanningProblem, start_of: Callable[[int], PhasedSpline], quality: Quality
+) -> _Knots:
+    """Return a quality's choices of knots for splines of a number of knot intervals."""
+    wide = sufficient_start(problem, start_of, quality.knots[0][0])
+    has_runs = any(len(run) > 1 for run in wide.grid.runs)
+    return quality.narrow_knots if has_runs or _is_widened(problem, wide) else quality.knots
+
+
+def _begun(
+    problem: PlanningProblem, start_of: Callable[[int], PhasedSpline], knots: _Knots
+) -> Iterator[tuple[PhasedSpline, tuple[int, ...]]]:
+    """Yield the first spline and the divisions for each choice of knots."""
     for intervals, divisions in knots:
-        spline = sufficient_start(problem, branch, intervals)
+        spline = sufficient_start(problem, start_of, intervals)
         # Every phase has intervals, and chains as many as they need: then fewer divisions lead to
         # the finest knots.
         count = spline.grid.interval_count
@@ -253,7 +300,7 @@ def _starts_from(
             parts[0] -= 1
             if parts[0] == 1:
                 parts.pop(0)
-        yield _Start(branch, spline, tuple(parts))
+        yield spline, tuple(parts)
 
 
 def _is_widened(problem: PlanningProblem, spline: PhasedSpline) -> bool:

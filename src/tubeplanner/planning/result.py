@@ -285,9 +285,11 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
         far = np.flatnonzero(np.array(distances) > reach)
         if len(far) == 0:
             return message
+    is_ordered = problem.tube.visit == "ordered"
+    reason = "overlap elsewhere" if is_ordered else "may be left out"
     return message + "".join(
         f"; it passes reference point {problem.tube.numbers[point]} at {distances[point]:.3g} "
-        "m: the regions beside that point overlap elsewhere"
+        f"m: the regions beside that point {reason}"
         for point in far
     )
 
