@@ -9,7 +9,12 @@ from cases import constraints_of, with_motors
 from tubeplanner import GoalRegion, PlanningProblem, Tube
 from tubeplanner.geometry.tube.rotation import SEGMENT, STAYING, TURNING
 from tubeplanner.limits.joint_efforts import EffortRate
-from tubeplanner.limits.path_samples import CoulombFriction, PathSamples, blended_friction
+from tubeplanner.limits.path_samples import (
+    FRICTION_PIECES,
+    CoulombFriction,
+    PathSamples,
+    blended_friction,
+)
 from tubeplanner.limits.speed_limits import minimum_duration, scaling_factor, speed_limits
 from tubeplanner.optimizer.link_constraints import LinkConstraints
 from tubeplanner.optimizer.phased_spline import PhasedSpline, VelocityHull, sampled
@@ -50,6 +55,9 @@ MOTORS = {
     "motor_curve of an ideal motor": LINE,
     "motor_curve with friction": {**LINE, **ARMED, **FRICTION, "friction_uncertainty": 0.3},
 }
+# Pieces of blended friction, as they are beyond its kinks.
+PIECES = {f"effort with the piece {piece} of friction": piece for piece in FRICTION_PIECES}
+MOTORS |= {key: {**FRICTION, "friction_uncertainty": 0.3} for key in PIECES}
 ALL_LIMITS = (*LIMITS, *MOTORS)
 # The u between which the reference orientation turns.
 SPANS = {
@@ -99,7 +107,7 @@ class Kinds:
         """Return blended friction whose width does not change with the path."""
         widest = np.append(rate, np.full((1, rate.shape[1]), 8.0), axis=0)
         motors, unknown = self.problem.robot.motors, np.full_like(widest, np.nan)
-        blended = blended_friction(motors, widest, unknown, 0.4)
+        blended = blended_friction(motors, widest, unknown, 0.4, PIECES.get(self.kind))
         names = CoulombFriction.__dataclass_fields__
         return CoulombFriction(*(getattr(blended, name)[:-1] for name in names))
 
@@ -223,6 +231,23 @@ def test_rows_beyond_kinks_leave_more_room_than_those_of_the_rotation(case):
     assert all(not kink.rows(1.0, None) for kink in rotation.kinks(np.zeros((2, 2), dtype=bool)))
     still = replace(rotation, tube=replace(tube, rotation_change=0 * tube.rotation_change))
     assert still.kinks(np.ones((2, 2), dtype=bool)) == []
+
+
+def test_rows_beyond_kinks_of_friction_leave_more_room(case):
+    """Each at the rates of the other one of the two lower pieces, and nowhere else."""
+    problem, spline, _ = case
+    problem = replace(problem, robot=with_motors(problem.robot, **FRICTION))
+    iterate = constraints_of(problem, spline.grid).at(spline)
+    (effort,) = (each for each in iterate.limits if each.limit.kind == "effort")
+    own, every = effort.rows(0.8, None), effort.slack(0.8, 1.0)
+    for kink in iterate.friction_kinks:
+        rows = kink.rows(0.8, None)
+        assert 0 < len(rows) < len(own)
+        assert (rows.slack >= every[rows.index]).all()
+        same = own.where(np.searchsorted(own.index, rows.index))
+        assert (abs(rows.control - same.control).max(axis=(1, 2)) > 0).all()
+    still = replace(problem, robot=with_motors(problem.robot, armature=0.4))
+    assert constraints_of(still, spline.grid).at(spline).friction_kinks == ()
 
 
 def test_a_tool_that_is_free_limits_nothing(case):

@@ -1,6 +1,7 @@
 """PathSamples: derivatives and efforts along a path; Coulomb friction; the protocol SpeedLimit."""
 
 from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
@@ -54,8 +55,17 @@ def directed_friction(motors: JointMotors, direction: FloatArray) -> CoulombFric
     return CoulombFriction(effort + unsure, effort - unsure, none, none)
 
 
+# Bounds on blended friction have kinks: with the rate, they go from the friction of one direction
+# over a ramp to that of the other. These pieces go on beyond them.
+FRICTION_PIECES = ("ramp", "least")
+
+
 def blended_friction(
-    motors: JointMotors, rate: FloatArray, end_direction: FloatArray, fraction: float
+    motors: JointMotors,
+    rate: FloatArray,
+    end_direction: FloatArray,
+    fraction: float,
+    piece: str | None = None,
 ) -> CoulombFriction:
     """Return differentiable bounds on the friction of a whole path from both sides.
 
@@ -66,6 +76,8 @@ def blended_friction(
             goal, at samples near these; nan at others, shape (N, n).
         fraction: Fraction of a joint's largest velocity below which the friction of both directions
             counts.
+        piece: The piece of `FRICTION_PIECES` of which the bounds are at every rate; None: they are
+            of all three pieces.
     """
     largest = abs(rate).max(axis=0)
     moves = largest > STILL_FRACTION * largest.max()
@@ -73,13 +85,16 @@ def blended_friction(
     forwards, backwards = motors.forwards_friction, -motors.backwards_friction
     more, less = 1 + motors.friction_uncertainty, 1 - motors.friction_uncertainty
     slope = 1 / (width * (1 - _EARLY))
-    ahead, behind = (np.clip((width + sign * rate) * slope, 0, 1) for sign in (1.0, -1.0))
+    ahead, behind = ((width + sign * rate) * slope for sign in (1.0, -1.0))
+    if piece != "ramp":
+        ahead, behind = (np.clip(each, 0, piece is None) for each in (ahead, behind))
+    on_ramp = [(each < 1) & (each > 0) | (piece == "ramp") for each in (ahead, behind)]
     rise, fall = forwards * more - backwards * less, forwards * less - backwards * more
     blended = CoulombFriction(
         backwards * less + rise * ahead,
         forwards * less - fall * behind,
-        rise * slope * ((ahead < 1) & (ahead > 0)),
-        fall * slope * ((behind < 1) & (behind > 0)),
+        rise * slope * on_ramp[0],
+        fall * slope * on_ramp[1],
     )
     is_exact = ~np.isnan(end_direction) | ~moves
     exact = directed_friction(motors, np.where(moves, np.nan_to_num(end_direction), 0.0))
@@ -168,6 +183,13 @@ class PathSamples:
     def gravity_rate(self) -> FloatArray:
         """Rates of change of the efforts against gravity at a speed of 1, likewise."""
         return gravity_effort_rate(self.problem.robot, *self.by_path[:2])
+
+    def with_friction(self, friction: Callable[[], CoulombFriction]) -> "PathSamples":
+        """Return the path with another friction, all else shared."""
+        other = copy(self)
+        other.__dict__.pop("coulomb_friction", None)
+        object.__setattr__(other, "friction", friction)
+        return other
 
     def effort_derivatives(self, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the efforts' derivatives by position, velocity and acceleration at a speed.

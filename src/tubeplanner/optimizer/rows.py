@@ -107,6 +107,7 @@ def sided_rows(
     limit: IntArray,
     signs: tuple[float, ...],
     size: StepSize | None,
+    little: float = _CLOSE,
 ) -> Rows:
     """Return the rows of I quantities at N samples: sign * quantity <= 1 for all signs.
 
@@ -120,9 +121,10 @@ def sided_rows(
         limit: Number of each quantity's limit, shape (N, I).
         signs: Of the sides.
         size: Largest step; rows that it cannot break are left out. None: all rows.
+        little: Rows with less slack are kept, however short the step.
     """
     slack = 1 - np.multiply.outer(signs, used)
-    index, control, switching = _breakable(at, by_path, slack, signs, _CLOSE, size)
+    index, control, switching = _breakable(at, by_path, slack, signs, little, size)
     side, entry = np.divmod(index, used.size)
     with_side, on_every = duration
     return Rows(
@@ -239,6 +241,8 @@ class EvaluatedSpeedLimit:
     at: SampledSpline  # the spline at the samples
     path: PathSamples  # the arm there
     numbers: IntArray  # of the limit's keys among those of all limits
+    # of a piece of friction beyond a kink: the limit with the friction itself
+    beyond: "EvaluatedSpeedLimit | None" = None
     # by duration: after a step that was rejected, the same rows are requested again.
     _changes: dict[float, Mapping[int, FloatArray]] = field(default_factory=dict, repr=False)
 
@@ -269,10 +273,18 @@ class EvaluatedSpeedLimit:
         degree, powers = self._used.degree, self._used.terms
         # By eta, in T^degree, of the quantities times T^degree.
         change = self._used.weighted({k: duration**-k * (degree - k) / 2 for k in powers})
+        by_path, signs = self._by_path(duration), self.limit.signs
+        if self.beyond is not None:
+            here = self.beyond
+            is_kinked = np.any(by_path[1] != here._by_path(duration)[1], axis=2)
+            used = np.where(is_kinked & (used <= here._used.at(1 / duration)), used, -np.inf)
+        little = _CLOSE if self.beyond is None else -np.inf
+        return sided_rows(self.at, by_path, used, (change, degree / 2), limit, signs, size, little)
+
+    def _by_path(self, duration: float) -> Mapping[int, FloatArray]:
         if duration not in self._changes:
             self._changes[duration] = self.limit.by_path(self.path, 1 / duration)
-        by_path, signs = self._changes[duration], self.limit.signs
-        return sided_rows(self.at, by_path, used, (change, degree / 2), limit, signs, size)
+        return self._changes[duration]
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
         """Return the slack at this spline of the rows that another spline's `rows` numbers.

@@ -10,7 +10,9 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.limits.joint_efforts import SidedEffort
 from tubeplanner.limits.path_samples import (
+    FRICTION_PIECES,
     CoulombFriction,
     LimitKey,
     PathSamples,
@@ -88,8 +90,9 @@ class Iterate:
     speeds: tuple[EvaluatedRegions, ...]
     # the bounds on the components of the tool's rotation, where there are some
     rotations: tuple[EvaluatedRotation, ...]
-    # the rotation beyond kinks of its reference
-    kinks: tuple[EvaluatedRotation, ...]
+    # the rotation beyond kinks of its reference, and efforts beyond those of friction
+    rotation_kinks: tuple[EvaluatedRotation, ...]
+    friction_kinks: tuple[EvaluatedSpeedLimit, ...]
     links: EvaluatedLinks  # the watched pairs of links
     # the spline and the arm at two samples per knot interval, at the end of every phase, and at
     # added samples
@@ -100,13 +103,13 @@ class Iterate:
     @property
     def constraints(self) -> tuple[EvaluatedRows, ...]:
         """All constraints but regions, in the order in which their rows are numbered."""
-        components = (each for each in self.kinks if each.bounds_components)
-        return (*self.limits, *self.rotations, *components, self.links)
+        components = (each for each in self.rotation_kinks if each.bounds_components)
+        return (*self.limits, *self.rotations, *components, *self.friction_kinks, self.links)
 
     @cached_property
     def convex(self) -> tuple[EvaluatedRegions, ...]:
         """All regions, whose planes join where steps leave them."""
-        angles = (each.angle() for each in self.kinks if each.bounds_angle)
+        angles = (each.angle() for each in self.rotation_kinks if each.bounds_angle)
         return (*self.regions, *self.speeds, *angles)
 
     @property
@@ -313,6 +316,7 @@ class SplineConstraints:
             tuple(chain(*(evaluated_speeds(limit, duration) for limit in limits))),
             rotations,
             kinks,
+            tuple(chain(*(arm.friction_kinks(limit) for limit in limits))),
             links,
             arm.at(watched[False]),
             arm.at(self._rate_samples),
@@ -394,12 +398,27 @@ class _ArmAlong:
             self._at[points] = (at, path)
         return self._at[points]
 
-    def _friction(self, at: SampledSpline, samples: Samples) -> CoulombFriction:
+    def friction_kinks(self, here: EvaluatedSpeedLimit) -> list[EvaluatedSpeedLimit]:
+        """Return a limit with each piece of friction beyond its kinks, if it has some."""
+        samples = here.at.evaluation_points
+        if not (isinstance(here.limit, SidedEffort) and isinstance(samples, Samples)):
+            return []
+        if not self._problem.robot.motors.has_coulomb_friction:
+            return []
+        pieces = (partial(self._friction, here.at, samples, piece) for piece in FRICTION_PIECES)
+        paths = (here.path.with_friction(friction) for friction in pieces)
+        return [
+            EvaluatedSpeedLimit(here.limit, here.at, path, here.numbers, here) for path in paths
+        ]
+
+    def _friction(
+        self, at: SampledSpline, samples: Samples, piece: str | None = None
+    ) -> CoulombFriction:
         rate, motors = at.by_x[1], self._problem.robot.motors
         # Widely blended friction guides the first steps: the more of it is exact, the less it does.
         fraction = self._blended_fraction if self._is_last else 0.0
         ends = self._spline.end_directions(samples, fraction * abs(rate).max(axis=0))
-        return blended_friction(motors, rate, ends, self._blended_fraction)
+        return blended_friction(motors, rate, ends, self._blended_fraction, piece)
 
     def segments_of(self, samples: Samples) -> OrderedSegments:
         points, runs = self._problem.tube.points, self._spline.grid.runs
