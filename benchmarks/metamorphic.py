@@ -46,22 +46,24 @@ def main() -> int:
     parser.add_argument("--cpu-limit", type=float, default=120.0, help="of every plan [s]")
     parser.add_argument("--journal", type=Path, help="one JSON line per family; is gone on with")
     parser.add_argument("--keep", type=Path, default=HERE / "output/metamorphic")
-    given = parser.parse_args()
-    usual = [variant.name for variant in VARIANTS if given.best or variant.quality != "best"]
-    names = tuple(usual if given.only is None else ("base", given.only))
+    arguments = parser.parse_args()
+    usual = [variant.name for variant in VARIANTS if arguments.best or variant.quality != "best"]
+    names = tuple(usual if arguments.only is None else ("base", arguments.only))
     if unknown := set(names) - {variant.name for variant in VARIANTS}:
         parser.error(f"{unknown.pop()} is none of {', '.join(v.name for v in VARIANTS)}")
-    against = given.against and given.against.resolve()
-    options = Options(names, given.keep.resolve(), given.cpu_limit, against, given.judge)
-    seeds = given.seeds or list(range(given.seed, given.seed + given.families))
+    against = arguments.against and arguments.against.resolve()
+    options = Options(
+        names, arguments.keep.resolve(), arguments.cpu_limit, against, arguments.judge
+    )
+    seeds = arguments.seeds or list(range(arguments.seed, arguments.seed + arguments.families))
     keys = {seed: _key(seed, options) for seed in seeds}
-    with nullcontext() if given.journal is None else Journal(given.journal) as journal:
+    with nullcontext() if arguments.journal is None else Journal(arguments.journal) as journal:
         lines = [journal[key] for key in keys.values() if journal and key in journal]
         missing = [seed for seed in seeds if not journal or keys[seed] not in journal]
-        for line in lines_of(missing, partial(examine, options=options), given.processes):
+        for line in lines_of(missing, partial(examine, options=options), arguments.processes):
             lines.append(line)
             print(f"{line['seed']} {line.get('arm', '')}: {line['status']}", flush=True)
-            for text in _found(line, options.keep):
+            for text in _faults(line, options.keep):
                 print(text, flush=True)
             if journal is not None:
                 journal.add(keys[line["seed"]], {"seed": line["seed"]}, line)
@@ -115,7 +117,7 @@ def report(lines: list[Fields], options: Options) -> str:
     everything: list[tuple[list[Fields], str]] = [(planned, name) for name in options.names]
     for chosen, name in [*everything, (planned, "")]:
         rows.append(f"{name or 'all':16}" + "".join(f"{x:>12}" for x in _row(chosen, name)))
-    rows += [text for line in lines for text in _found(line, options.keep)]
+    rows += [text for line in lines for text in _faults(line, options.keep)]
     return "\n".join(rows)
 
 
@@ -149,7 +151,7 @@ def _share(values: list[float], level: float) -> str:
     return f"{above} {above / max(len(values), 1):.1%}"
 
 
-def _found(line: Fields, folder: Path) -> list[str]:
+def _faults(line: Fields, folder: Path) -> list[str]:
     """Return a family's answers that are stuck, missing, ended or wrong, a line each."""
     rows = [] if "answers" in line else [f"{line['seed']}: {line['status']}: {line['message']}"]
     answers = line.get("answers", {})
