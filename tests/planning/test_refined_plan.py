@@ -10,6 +10,7 @@ from tubeplanner import PlanningProblem, PlanOptions, Seed, Tube, plan, verify
 from tubeplanner.optimizer.tube_phases import tube_chains
 from tubeplanner.outcome import PlanningClock
 from tubeplanner.planning import refined_plan as module
+from tubeplanner.planning import result as result_module
 from tubeplanner.planning.refined_plan import narrowed_plan
 
 # Paths of many points: certified, and as fast as the same curve of few.
@@ -80,6 +81,52 @@ def test_forty_sharp_corners_all_end_a_phase(ur5):
     problem = ur5_problem(ur5, points, 0.002)
     assert len(tube_chains(problem)) == 40
     assert require_refined(problem) < 0.83  # it is 0.807, and 1.76 with stops
+
+
+# Another start follows an answer that may be faster.
+
+UNUSED = (
+    "5.0% of the speed that the limits allow is unused on average: a faster trajectory may exist"
+)
+
+
+@pytest.mark.parametrize(
+    ("quality", "unused", "above", "starts"),
+    [
+        ("balanced", 0.05, 1.06, [(18, (4,)), (8, (3, 4))]),
+        ("fast", 0.05, 1.06, [(8, (4,)), (8, (3, 4))]),
+        ("best", 0.05, 1.06, [(18, (4,)), (8, (3, 4))]),
+        ("balanced", 0.05, 1.04, [(18, (4,))]),
+        ("balanced", 0.02, 1.06, [(18, (4,))]),
+    ],
+)
+def test_other_knots_follow_an_answer_that_may_be_faster(
+    quality, unused, above, starts, planned, monkeypatch
+):
+    """The better one is the answer; only what still may be faster has the note."""
+    problem, known = planned("two_link/paper_2_30mm", "refinement")
+    bound, begun, durations = known.duration / above, [], []
+
+    class Watched(module.Refinement):
+        def __init__(self, problem, spline, divisions, *rest, **named):
+            begun.append((spline.grid.interval_count, divisions))
+            super().__init__(problem, spline, divisions, *rest, **named)
+
+    def of_speed(problem, trajectory):
+        durations.append(trajectory.duration)
+        return unused
+
+    monkeypatch.setattr(module, "Refinement", Watched)
+    monkeypatch.setattr(result_module, "unused_speed", of_speed)
+    monkeypatch.setattr(result_module, "least_duration", lambda problem: bound)
+    answer = plan(problem, PlanOptions(slack=0.0, quality=quality))
+    assert begun[: len(starts)] == starts
+    assert quality == "best" or len(begun) == len(starts)
+    assert answer.duration == min(durations)
+    notes = [note for note in answer.notes if "unused" in note]
+    expected = f"{UNUSED}, of {bound:.4g} s at least; --quality best searches from more starts"
+    assert notes == [expected] * (len(starts) > 1)
+    assert answer.may_be_faster == bool(notes)
 
 
 # Wide tubes are planned through narrower ones where links get stuck in them.

@@ -22,7 +22,8 @@ class Quality:
     # the same for tubes that the first of these knots are too coarse to follow, and for paths of
     # many points, whose segments form chains
     narrow_knots: tuple[tuple[int, tuple[int, ...]], ...]
-    # the same for another attempt from a start that led nearly to an answer
+    # the same for another attempt on a branch that led nearly to an answer, or to one that may be
+    # faster
     other_knots: tuple[tuple[int, tuple[int, ...]], ...] = ()
     every_start: bool = False  # whether other starts are tried even after a certified trajectory
 

@@ -174,11 +174,17 @@ class RefinedPlans:
         return replace(best, stopped_by=stopped_by)
 
     def _attempts(self) -> Iterator[PlanResult]:
-        """Yield the best result so far after every start that has a result."""
+        """Yield the best result so far after every start that has a result.
+
+        Where that may be faster, after the next start, once. (Of 8 such answers, other knots on the
+        same branch made 6 faster, by 0.6 % to 45 %, in as much time again; the next branch made 4.)
+        """
+        is_second = self._quality.every_start
         for inner, branches in _inner_problems(self._problem, self._branches, self._clock):
             first_gave_up: bool | None = None
             nearly: list[ReferenceBranch] = []
-            for start in _starts(inner, branches, self._quality, nearly):
+            slow: list[ReferenceBranch] = []
+            for start in _starts(inner, branches, self._quality, nearly, slow):
                 if not start.widens:  # a last attempt, if it may differ from the first
                     is_coarse = len(start.divisions) > 1 or not has_enough_knots(start.spline.grid)
                     if not (_is_widened(inner, start.spline) or (first_gave_up and is_coarse)):
@@ -198,6 +204,10 @@ class RefinedPlans:
                 if duration is not None and (best.duration is None or duration < best.duration):
                     best = result
                 self._best = replace(best, stopped_by=result.stopped_by)
+                if best.may_be_faster and result.stopped_by is None and not is_second:
+                    is_second = True
+                    slow.append(start.branch)
+                    continue
                 yield self._best
             if self._best is not None and self._best.status in _ENDS_THE_SEARCH:
                 return
@@ -242,11 +252,13 @@ def _starts(
     branches: KnownBranches,
     quality: Quality,
     nearly: list[ReferenceBranch],
+    slow: list[ReferenceBranch],
 ) -> Iterator[_Start]:
     """Yield the starts of refinement.
 
     At last the first start again, without widening the tube, and other knots on branches that led
-    nearly to an answer: `nearly`, which grows while starts are tried.
+    nearly to an answer: `nearly`, which grows while starts are tried. So does `slow`, of branches
+    that led to an answer that may be faster: other knots come next.
     """
     distinct: list[ReferenceBranch] = []
     first: _Start | None = None
@@ -265,6 +277,9 @@ def _starts(
             start = _Start(branch, spline, divisions)
             first = first or start
             yield start
+        if branch in slow:
+            for spline, divisions in _begun(problem, start_of, quality.other_knots):
+                yield _Start(branch, spline, divisions)
         distinct.append(branch)
     if first is not None:
         yield replace(first, widens=False)

@@ -15,6 +15,7 @@ from tubeplanner.errors import FormerName
 from tubeplanner.first_guess.branch_and_bound import SearchStatistics
 from tubeplanner.first_guess.suh_bishop import PhaseTwoStatistics
 from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.limits.lower_bound import least_duration
 from tubeplanner.limits.peaks import TrajectoryPeaks, peaks_as_dict, trajectory_peaks
 from tubeplanner.limits.speed_limits import unused_speed
 from tubeplanner.native.library import LIBRARY
@@ -35,8 +36,9 @@ _MAX_MESSAGE = 200  # [characters] in the representation
 _FAR_IN_RADII = 3.0
 _SAMPLES_PER_PIECE = 20
 _ATTRIBUTES = "Attributes:\n"
-# A larger unused fraction of the speed gets a note.
-_MAX_UNUSED = 0.02
+# Another motion may be faster if more than this fraction of the speed is unused and the duration
+# is above this multiple of its lower bound.
+_MAX_UNUSED, _MAX_ABOVE = 0.02, 1.05
 
 
 def _no_trajectory() -> None:
@@ -137,6 +139,8 @@ class PlanResult(TaskResult):
         survival: Survival of the answer in simulation; None unless field robustness asks for it.
         configuration: Configuration of the arm at the place, shape (n,) [rad or m]; None if not
             known.
+        may_be_faster: True if the answer leaves speed unused, and no lower bound on the duration is
+            near.
         path_minimum: The least time [s] in which motors that switch at once could run the answer's
             path; with viscous friction or torque-speed lines an upper bound on it. Computed on
             first use; None without an answer.
@@ -153,6 +157,7 @@ class PlanResult(TaskResult):
     shortest: JointTrajectory | None = None
     survival: Survival | None = None
     configuration: FloatArray | None = None
+    may_be_faster: bool = False
     _path_minimum: Callable[[], float | None] = _no_trajectory
     _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
 
@@ -244,16 +249,10 @@ def judged_result(
         refused = refused_result(reason, method)
         return replace(refused, certificate=certificate, certificate_time=certificate_time)
     message = _success_message(problem, trajectory)
-    notes = []
-    unused = unused_speed(problem, trajectory)
-    if unused > _MAX_UNUSED:
-        notes.append(
-            f"{unused:.1%} of the speed that the limits allow is unused on average: a faster "
-            "trajectory may exist; --quality best searches from more starts"
-        )
+    unused_note = _unused_note(problem, trajectory)
     robot = problem.robot
     on_robot = (*unlimited_notes(robot), *robot_notes(robot))
-    notes += [*contact_notes(problem, trajectory), *on_robot]
+    notes = (*unused_note, *contact_notes(problem, trajectory), *on_robot)
     return PlanResult(
         PlanStatus.SUCCESS,
         message,
@@ -262,9 +261,23 @@ def judged_result(
         trajectory,
         certificate,
         certificate_time=certificate_time,
-        notes=tuple(notes),
+        notes=notes,
+        may_be_faster=bool(unused_note),
         _path_minimum=partial(path_minimum, problem, trajectory),
         _peaks=partial(trajectory_peaks, problem.robot, trajectory),
+    )
+
+
+def _unused_note(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
+    """Return the note on a trajectory that leaves speed unused and is above the lower bound."""
+    unused = unused_speed(problem, trajectory)
+    bound = least_duration(problem) if unused > _MAX_UNUSED else np.inf
+    if trajectory.duration <= _MAX_ABOVE * bound:
+        return ()
+    least = f", of {bound:.4g} s at least" if bound > 0 else ""
+    return (
+        f"{unused:.1%} of the speed that the limits allow is unused on average: a faster "
+        f"trajectory may exist{least}; --quality best searches from more starts",
     )
 
 
