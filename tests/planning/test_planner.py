@@ -31,6 +31,7 @@ from tubeplanner.first_guess.branches import KnownBranches, configured_ends
 from tubeplanner.geometry.collision_checker import link_covers
 from tubeplanner.outcome import Location, PlanningClock
 from tubeplanner.planning.diagnosis import blocking_sample
+from tubeplanner.planning.options import QUALITIES
 from tubeplanner.resources import bundled_problems
 from tubeplanner.task.problem_format import ObstacleFields, ProblemFields, RobotFields, TubeFields
 
@@ -460,6 +461,13 @@ def test_fewer_knots_are_a_little_slower_and_more_a_little_faster(two_link):
     )
     assert balanced < fast < 1.04 * balanced
     assert 0.98 * balanced < best <= balanced
+
+
+@pytest.mark.parametrize("kind", ["knots", "narrow_knots"])
+def test_the_best_quality_tries_the_knots_of_all(kind):
+    """So it finds what any of them does."""
+    tried = [set(getattr(quality, kind)) for quality in QUALITIES.values()]
+    assert set.union(*tried) == set(getattr(QUALITIES["best"], kind))
 
 
 # A problem whose cell is moved together with its robot is the same problem.
