@@ -49,6 +49,8 @@ _plane_slack = native_function(
 )
 # A prediction may leave the region by this fraction of its extent.
 _OUTSIDE = 0.002
+# Radii beyond which there is no bound: finite, as planes may be remembered.
+_NO_BOUND = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,7 +333,7 @@ class EvaluatedRotation:
         if self.beyond is not None:
             here, where = self.beyond
             farther = np.linalg.norm(self._error, axis=1) > np.linalg.norm(here._error, axis=1)
-            margin[farther | ~where] = -np.inf
+            margin[farther | ~where] = -_NO_BOUND
         return EvaluatedRegions(
             self.at,
             self._error,
