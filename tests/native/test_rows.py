@@ -1,5 +1,7 @@
 """Compiled rows against those in numpy."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,9 @@ pytestmark = pytest.mark.skipif(LIBRARY.functions is None, reason="the library i
 TIMES = np.array([0.0, 0.2, 0.3, 0.5, 0.6, 0.9, 1.0])
 GRID = knot_grid(TIMES, 25)
 SIZES = [None, StepSize(0.01, np.full(5, 0.002)), StepSize(0.2, np.full(5, 0.03))]
+IN_UNITS = {
+    joints: StepSize(0.05, np.full(5, 0.01), np.arange(1.0, joints + 1)) for joints in (2, 7)
+}
 
 
 def pure(monkeypatch):
@@ -49,18 +54,18 @@ def rows_of(spline, size) -> list[Rows]:
     return [sided, plane_rows(spline, by_joint, slack, limit[:, 0], size)]
 
 
-@pytest.mark.parametrize("joints", [2, 7, 11])
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(("joints", "size"), [*product((2, 7, 11), SIZES), *IN_UNITS.items()])
 @pytest.mark.parametrize("hull", [False, True])
 def test_rows_agree_to_rounding(joints, size, hull, monkeypatch):
     spline = at(joints, hull)
     compiled = rows_of(spline, size)
     step = (np.ones((GRID.control_point_count, joints)), np.arange(5.0), 0.3)
     products = [rows.used_by_step(*step) for rows in compiled]
-    reaches = [rows.reach(SIZES[1]) for rows in compiled]
+    other = size or SIZES[1]
+    reaches = [rows.reach(other) for rows in compiled]
     pure(monkeypatch)
     for rows, others in zip(compiled, rows_of(spline, size), strict=True):
         alike(rows, others)
-    for rows, product, reach in zip(compiled, products, reaches, strict=True):
-        np.testing.assert_allclose(product, rows.used_by_step(*step), rtol=1e-10, atol=1e-10)
-        np.testing.assert_allclose(reach, rows.reach(SIZES[1]), rtol=1e-10)
+    for rows, used, reach in zip(compiled, products, reaches, strict=True):
+        np.testing.assert_allclose(used, rows.used_by_step(*step), rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(reach, rows.reach(other), rtol=1e-10)

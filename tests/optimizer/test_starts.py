@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tubeplanner import PlanningProblem, Tube
+from tubeplanner import LimitOverrides, PlanningProblem, Tube, load_robot
+from tubeplanner.first_guess.branches import RedundancyRule, reference_branch
+from tubeplanner.optimizer.descent import Descent, DescentState, SequentialProgram
 from tubeplanner.optimizer.phased_spline import PhasedSpline
-from tubeplanner.optimizer.starts import knot_grid, on_periodic_knots
+from tubeplanner.optimizer.starts import knot_grid, on_periodic_knots, starting_spline
+from tubeplanner.optimizer.step_search import TrustRegion
 from tubeplanner.outcome import Infeasible, PlanStatus
 
 
@@ -62,6 +65,58 @@ def test_it_suits_problems_with_the_same_joints_and_segments(motion, slide):
     tool = slide.tool_position(np.zeros((1, 3)))[0]
     other = Tube(tool + points - points[0], 0.05)
     assert motion.suited(PlanningProblem(slide, other, np.zeros(3))) is None
+
+
+GROWN = (
+    ("turn", "revolute", (0.1, 0, 0.3), "0 0 1"),
+    ("lift", "revolute", (0.2, 0, 0.1), "0 1 0"),
+    ("slide", "prismatic", (0.3, 0.1, 0), "1 0 0"),
+    ("swing", "revolute", (0.2, 0, 0), "0 0 1"),
+    ("tip", "fixed", (0.2, 0, 0), "1 0 0"),
+)
+
+
+def grown(tmp_path, size):
+    """Return a problem of an arm that turns and slides, with all lengths times a size."""
+    text, parent, limits = '<link name="base"/>', "base", {}
+    for name, kind, at, axis in GROWN:
+        unit = size if kind == "prismatic" else 1.0
+        place = " ".join(str(size * x) for x in at)
+        text += (
+            f'<link name="{name}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" '
+            f'ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="{name}" type="{kind}">'
+            f'<parent link="{parent}"/><child link="{name}"/><origin xyz="{place}"/>'
+            f'<axis xyz="{axis}"/><limit lower="{-2 * unit}" upper="{2 * unit}" effort="1e6" '
+            f'velocity="{3 * unit}"/></joint>'
+        )
+        parent = name
+        if kind != "fixed":
+            limits[name] = 9.0 * unit
+    path = tmp_path / f"arm_{size}.urdf"
+    path.write_text(f'<robot name="grown">{text}</robot>')
+    robot = load_robot(path, "tip", limits=LimitOverrides(acceleration=limits))
+    start = np.array([0.1, -0.2, 0.3 * size, 0.4])
+    steps = size * np.array([[0, 0, 0], [0.1, 0.3, 0], [0.2, 0.3, 0.2]])
+    tube = Tube(robot.tool_position(start[None]) + steps, 0.03 * size)
+    return PlanningProblem(robot, tube, start, self_collision=False)
+
+
+def test_arms_of_every_size_begin_alike_and_take_the_same_steps(tmp_path):
+    splines, durations = [], []
+    for size in (1.0, 0.3, 10.0):
+        problem = grown(tmp_path, size)
+        branch = reference_branch(problem, RedundancyRule.AS_NEEDED)
+        spline = starting_spline(problem, branch, 8)
+        splines.append(spline.control_points / problem.robot.joint_units)
+        program = SequentialProgram(problem, spline.grid)
+        begun = DescentState((program.iterate(spline),), TrustRegion(0.2))
+        ended = Descent((program,)).improved(begun, min_gain=1e-4, max_steps=3)
+        durations.append((begun.iterate.duration, ended.iterate.duration))
+    np.testing.assert_allclose(np.ptp(splines, axis=0), 0, atol=1e-9)
+    first, last = np.transpose(durations)
+    assert (
+        np.ptp(first) < 1e-9 and np.ptp(last) < 1e-4 < 0.1 * first.max() < first.max() - last.max()
+    )
 
 
 SWITCHING_TIMES = np.array([0.0, 0.31, 0.33, 1.0])

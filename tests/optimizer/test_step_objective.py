@@ -184,13 +184,16 @@ def test_without_a_limit_the_largest_effort_of_the_motion_is_the_unit(tmp_path):
 DAMPING = 0.7
 
 
+UNITS = np.linspace(0.5, 2, 7)
+
+
 @pytest.fixture(scope="module", params=["ur5/over_the_wall", "panda/between_shelves"])
 def cost_case(request, bundled):
     """A problem with an open goal, and one with a given one."""
     problem = bundled(request.param)
     spline = begun(problem, 12)
     variables = ControlVariables(problem, spline.grid)
-    return spline, variables, StepCost(variables, spline.grid, problem.robot.joint_count)
+    return spline, variables, StepCost(variables, spline.grid, UNITS[: problem.robot.joint_count])
 
 
 def cost(spline, variables, step, switching):
@@ -198,15 +201,17 @@ def cost(spline, variables, step, switching):
 
     A motion of an even speed whose phase becomes wider by some fraction is slower by that fraction.
     """
-    intervals, change = spline.grid.interval_count, variables.change(step)
-    bends = np.diff(spline.control_points + change, 3, axis=0)
+    units = UNITS[: step.shape[1]]
+    intervals, change = spline.grid.interval_count, variables.change(step) / units
+    points = spline.control_points / units
+    bends = np.diff(points + change, 3, axis=0)
     smoothing = _SMOOTHING * intervals**5 / 250_000 * (bends**2).sum()
     rates = intervals * (np.diff(change, axis=0) ** 2).sum()
-    squared_speed = intervals * (np.diff(spline.control_points, axis=0) ** 2).sum()
+    squared_speed = intervals * (np.diff(points, axis=0) ** 2).sum()
     widths = np.diff(spline.switching_times)
     wider = np.diff(np.concatenate([[0.0], switching, [0.0]])) / widths
     rates += squared_speed * (widths * wider**2).sum()
-    return smoothing + (_PROXIMITY * (step**2).sum() + DAMPING * rates) / 2
+    return smoothing + (_PROXIMITY * ((step / units) ** 2).sum() + DAMPING * rates) / 2
 
 
 def test_it_is_the_cost_of_a_step_but_for_what_there_was_before(cost_case):
@@ -243,7 +248,7 @@ class Model:
     def __init__(self, problem, spline, run_in=RUN_IN, objective=smoothness):
         self.problem, self.spline = problem, spline
         self.variables = ControlVariables(problem, spline.grid)
-        self.cost = StepCost(self.variables, spline.grid, problem.robot.joint_count)
+        self.cost = StepCost(self.variables, spline.grid, problem.robot.joint_units)
         self.objective = objective(problem, spline, run_in)
         self.constraints = constraints_of(problem, spline.grid, run_in=run_in)
         self.here = self.constraints.at(spline)

@@ -178,7 +178,7 @@ def objective_by_variables(minimise, **motors):
 
         here = np.zeros((1, variables.lower.size + 1))
         begun = PhasedSpline(grid, ends, points)
-        regular = StepCost(variables, grid, robot.joint_count).quadratic(begun)
+        regular = StepCost(variables, grid, robot.joint_units).quadratic(begun)
         exact = objective.cost(at(here), variables, regular).gradient - regular.gradient
         return lambda x: np.array([_FIRST_WORTH * objective.value(at(x))]), here, exact[None]
 

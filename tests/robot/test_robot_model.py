@@ -391,6 +391,7 @@ def test_lever_arms_count_the_whole_travel_of_a_slide_and_no_other_branch(load):
     robot = load(*SLIDER)
     expected = [0.2 + 2 + np.hypot(0.3, 0.1), 0.0]
     close(robot.lever_arm[robot.link_body["tip"], robot.revolute], expected)
+    close(robot.joint_units, np.where(robot.revolute, 1.0, robot.arm_length))
     assert robot.joint_moves_body[robot.link_body["turn"]].tolist() == [True, False, False]
     robot = load(*BRANCHED, joints=["other", "second", "first"])
     moves = {name: robot.joint_moves_body[body].tolist() for name, body in robot.link_body.items()}

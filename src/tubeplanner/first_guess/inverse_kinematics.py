@@ -55,25 +55,27 @@ def native_solve_positions(
 
 # ---- Inverse kinematics of one tool position, optionally of its rotation, within joint bounds.
 #
+# Lengths are measured by the arm's: an arm of another size, or in other units, is bent alike.
+#
 # Damped least squares with the damping of Sugihara, "Solvability-unconcerned inverse kinematics by
 # the Levenberg-Marquardt method" (IEEE T-RO 27(5), 2011): it converges at a fully stretched arm,
 # and comes as near as possible to a point out of reach. The rotation comes second: it uses what the
 # position leaves, in the null space of its Jacobian. A third task pulls redundant joints towards a
 # preferred configuration, in the null space of both.
 
-_DAMPING = 1e-10  # added to half the squared error [m^2]
-_POSITION_TOLERANCE = 1e-10  # [m]
-# The last step [rad or m]: the remaining error is of the order of its square.
+_DAMPING = 1e-10  # added to half the squared error
+_POSITION_TOLERANCE = 1e-10
+# The last step [joint units]: the remaining error is of the order of its square.
 _POSTURE_TOLERANCE = 1e-6
 _MAX_ITERATIONS = 100
 # Near full stretch a joint is all but redundant, and a pull on it would keep the tool from its
 # target: later iterations go for the target alone.
 _PULLED_ITERATIONS = 40
-_MAX_STEP = 0.2  # [rad or m] of any joint
-# Directions in which a joint moves the tool by less than this count as redundant [m/rad].
+_MAX_STEP = 0.2  # [joint units] of any joint
+# Directions in which a joint moves the tool by less than this count as redundant, by joint units.
 _REDUNDANT_GAIN = 1e-4
 # A stretched arm cannot feel which way to fold: it is bent this much, one way, then the other.
-_BENDS = (0.05, -0.05)  # [rad or m], its sign alternating from joint to joint
+_BENDS = (0.05, -0.05)  # [joint units], its sign alternating from joint to joint
 _SETTINGS = read_only(
     [
         *(_DAMPING, _POSITION_TOLERANCE, _POSTURE_TOLERANCE, _MAX_ITERATIONS, _PULLED_ITERATIONS),
@@ -143,7 +145,7 @@ def solve_position(
     if LIBRARY.functions is None:
         return _solved(robot, target, joints, rotation)
     parts = None if rotation is None else rotation.parts
-    q, errors = native_solve_positions(robot.tool_joints, _SETTINGS, target, joints, parts)
+    q, errors = _natively_solved(robot, target, joints, parts)
     return PositionSolution(q, *errors.tolist())
 
 
@@ -173,7 +175,7 @@ def solve_positions(
     if LIBRARY.functions is not None:
         joints = (seeds, lower, upper, preferred)
         parts = None if rotation is None else rotation.repeated(count)
-        return native_solve_positions(robot.tool_joints, _SETTINGS, targets, joints, parts)
+        return _natively_solved(robot, targets, joints, parts)
     q, errors = np.empty((count, joint_count)), np.empty((count, 2))
     for i, joints in enumerate(zip(seeds, lower, upper, preferred, strict=True)):
         solution = _solved(robot, targets[i], joints, rotation)
@@ -185,22 +187,42 @@ def solve_positions(
 _Joints: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
+def _natively_solved(
+    robot: RobotModel,
+    targets: FloatArray,
+    joints: _Joints,
+    rotation: tuple[FloatArray, FloatArray, BoolArray] | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return `native_solve_positions` of an arm [rad or m], [m] and [rad]."""
+    length, units = robot.arm_length, robot.joint_units
+    seed, lower, upper, preferred = (values / units for values in joints)
+    q, errors = native_solve_positions(
+        robot.tool_joints_in_units,
+        _SETTINGS,
+        targets / length,
+        (seed, lower, upper, preferred),
+        rotation,
+    )
+    # Division may round: a joint at its bound stays there.
+    return np.clip(q * units, joints[1], joints[2]), errors * (length, 1.0)
+
+
 def _solved(
     robot: RobotModel, target: FloatArray, joints: _Joints, rotation: WantedRotation | None
 ) -> PositionSolution:
     """Return the solution of `solve_position`, by NumPy."""
-    seed, lower, upper, preferred = joints
-    descent = _Descent(robot, target, rotation, lower, upper)
+    length, units = robot.arm_length, robot.joint_units
+    seed, lower, upper, preferred = (values / units for values in joints)
+    descent = _Descent(robot, target / length, rotation, lower, upper)
     solution = descent.run(seed, preferred)
-    if solution.error < _POSITION_TOLERANCE**0.5:
-        return solution
     pattern = (-1.0) ** np.arange(len(seed))
     for bend in _BENDS:
-        other = descent.run(solution.q + bend * pattern, preferred)
-        solution = min(solution, other, key=lambda each: each.error)
         if solution.error < _POSITION_TOLERANCE**0.5:
             break
-    return solution
+        other = descent.run(solution.q + bend * pattern, preferred)
+        solution = min(solution, other, key=lambda each: each.error)
+    q = np.clip(solution.q * units, joints[1], joints[2])
+    return PositionSolution(q, solution.error * length, solution.rotation_error)
 
 
 # Jacobian (c, n) and error (c,) of one task of a step.
@@ -209,7 +231,7 @@ _Task: TypeAlias = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class _Descent:
-    """Damped least-squares steps from a seed to the target."""
+    """Damped least-squares steps from a seed to the target, in joint units and arm lengths."""
 
     robot: RobotModel
     target: FloatArray
@@ -256,8 +278,10 @@ class _Descent:
 
     def _tasks(self, q: FloatArray) -> list[_Task]:
         """Return the tasks at a configuration (n,), the position first."""
-        rotation, position, jacobian = (part[0] for part in self.robot.tool_pose_jacobian(q[None]))
-        tasks = [(jacobian[:3], self.target - position)]
+        length, units = self.robot.arm_length, self.robot.joint_units
+        pose = self.robot.tool_pose_jacobian((q * units)[None])
+        rotation, position, jacobian = pose[0][0], pose[1][0] / length, pose[2][0] * units
+        tasks = [(jacobian[:3] / length, self.target - position)]
         target = self.rotation
         if target is not None and target.components.any():
             vector = rotation_vector(target.reference.T @ rotation)

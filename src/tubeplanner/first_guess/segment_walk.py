@@ -116,10 +116,10 @@ _MAX_STEP, _MAX_ROUTE_STEP = 1 / 40, 1 / 400
 _EXTRAPOLATED_POINTS = 5
 _REACHED = 1e-9  # [m]
 _MIN_STEP = 1e-5  # of a segment
-_MAX_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
-_MAX_PULL = 0.05  # [rad or m] on redundant joints from one configuration to the next
+_MAX_JOINT_STEP = 0.1  # [joint units] between neighbouring configurations
+_MAX_PULL = 0.05  # [joint units] on redundant joints from one configuration to the next
 _MAX_SETTLING_STEPS = 500
-_SETTLED = 1e-9  # [rad or m]
+_SETTLED = 1e-9  # [joint units]
 # Where the centre line cannot be reached, the tool may leave it by this fraction of the radius.
 _ALLOWED_RADIUS_FRACTION = 0.5
 # Distance from an open goal without a tolerance [m]; with a tolerance, the tool may end within this
@@ -194,7 +194,7 @@ class SegmentWalk:
             count = min(max(reached, 2), _EXTRAPOLATED_POINTS)
             seed = _extrapolated(fraction, fractions[-count:], walk[-count:])
             solution = self._solve(fraction, seed, walk[-1])
-            joint_step = float(abs(solution.q - walk[-1]).max())
+            joint_step = self._joint_step(walk[-1], solution.q)
             if self._is_off(solution, fraction) or joint_step > _MAX_JOINT_STEP:
                 step /= 2
                 if step < _MIN_STEP:
@@ -214,11 +214,11 @@ class SegmentWalk:
             q = walk[-1]
             target = np.clip(q, self._end_lower, self._end_upper)
             target = target if self._goal is None else self._goal
-            if abs(target - q).max() <= _SETTLED:
+            if self._joint_step(q, target) <= _SETTLED:
                 break
-            preferred = q + np.clip(target - q, -_MAX_PULL, _MAX_PULL)
+            preferred = q + self._pull(target - q)
             solution = self._solve_with(1.0, q, preferred)
-            if self._is_off(solution, 1.0) or abs(solution.q - q).max() <= _SETTLED:
+            if self._is_off(solution, 1.0) or self._joint_step(q, solution.q) <= _SETTLED:
                 break
             walk.append(solution.q)
         q = walk[-1]
@@ -249,11 +249,19 @@ class SegmentWalk:
             upper = upper + (1 - fraction) * self._above
         target = np.minimum(np.maximum(target, lower), upper)
         solution = self._solve_with(fraction, seed, target)
-        if abs(solution.q - last).max() <= _MAX_JOINT_STEP:
+        if self._joint_step(last, solution.q) <= _MAX_JOINT_STEP:
             return solution
         # Too far for one step, however short: redundant joints go there gradually.
-        pull = np.clip(target - last, -_MAX_PULL, _MAX_PULL)
-        return self._solve_with(fraction, seed, last + pull)
+        return self._solve_with(fraction, seed, last + self._pull(target - last))
+
+    def _joint_step(self, q: FloatArray, other: FloatArray) -> float:
+        """Return the farthest joint's travel between two configurations [joint units]."""
+        return float((abs(other - q) / self._problem.robot.joint_units).max())
+
+    def _pull(self, travel: FloatArray) -> FloatArray:
+        """Return the part of a travel (n,) on which joints are pulled at once [rad or m]."""
+        most = _MAX_PULL * self._problem.robot.joint_units
+        return np.clip(travel, -most, most)
 
     def _solve_with(
         self, fraction: float, seed: FloatArray, preferred: FloatArray
@@ -284,7 +292,7 @@ class SegmentWalk:
         rotation = self._rotation
         if rotation is not None:
             free = solve_position(self._problem.robot, point, q, self._lower, self._upper)
-            if abs(free.q - q).max() > _MAX_JOINT_STEP or self._is_away(free, fraction):
+            if self._joint_step(q, free.q) > _MAX_JOINT_STEP or self._is_away(free, fraction):
                 rotation = None
         if rotation is not None:  # the tool could go on with another orientation
             off = rotation.off_segment(solution, fraction)

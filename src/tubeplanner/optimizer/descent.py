@@ -114,7 +114,8 @@ class SequentialProgram:
         )
         self._problem, self.grid = problem, grid
         self.variables = ControlVariables(problem, grid, start_moves=start_moves)
-        self.cost = StepCost(self.variables, grid, problem.robot.joint_count)
+        self.units = problem.robot.joint_units
+        self.cost = StepCost(self.variables, grid, self.units)
 
     def iterate(self, spline: PhasedSpline) -> Iterate:
         """Return the iterate of a spline, its control points clipped to the joints' bounds."""
@@ -137,7 +138,7 @@ class SequentialProgram:
         # An open goal is fixed, unless it has tolerances, which have a cost too.
         has_tolerances = bool(goal_keys(self._problem))
         bounds = self._bounds(current, _MULTIPLIER_TRUST, goal_moves=has_tolerances)
-        size = StepSize(_MULTIPLIER_TRUST.largest_change, bounds.switching)
+        size = self._size(_MULTIPLIER_TRUST, bounds)
         # Samples that variables hardly move, such as a start on its tolerance, cost nothing.
         still = tuple(self._hardly_move(own, size) for own in current.convex)
         near = (rows.slack < _NEAR) & (self._reach(rows, size) + abs(rows.duration) > 0)
@@ -205,7 +206,7 @@ class SequentialProgram:
 
         Relative changes of the widths of phases count too: steps fail by them as by control points.
         """
-        farthest = float(abs(step.control).max(initial=0.0)) / unit
+        farthest = float(abs(step.control / self.units).max(initial=0.0)) / unit
         widths = np.diff(current.spline.switching_times)[: len(step.switching) + 1]
         changes = np.diff(step.switching, prepend=0.0, append=0.0)
         return max(farthest, float(abs(changes / widths).max()) / _WIDTH_FRACTION)
@@ -215,7 +216,7 @@ class SequentialProgram:
     ) -> Linearization:
         """Return the constraints and the cost of a step to first order."""
         bounds = self._bounds(current, trust)
-        size = StepSize(trust.largest_change, bounds.switching)
+        size = self._size(trust, bounds)
         rows, is_elastic = self.constraints.rows(current, size)
         near = (rows.slack < _NEAR) | (rows.slack < _NEAR_FRACTION * rows.reach(size))
         none = tuple(np.zeros(len(regions.vector), bool) for regions in current.convex)
@@ -235,15 +236,19 @@ class SequentialProgram:
             penalty,
         )
 
+    def _size(self, trust: TrustRegion, bounds: Bounds) -> StepSize:
+        units = None if (self.units == 1).all() else self.units
+        return StepSize(trust.largest_change, bounds.switching, units)
+
     def _bounds(self, current: Iterate, trust: TrustRegion, *, goal_moves: bool = True) -> Bounds:
         widths = np.diff(current.spline.switching_times)
         widths *= min(_MAX_WIDTH_FRACTION, _WIDTH_FRACTION * trust.radius)
         switching = np.minimum(np.cumsum(widths)[:-1], np.cumsum(widths[::-1])[-2::-1])
-        points = current.spline.control_points
+        points, most = current.spline.control_points, trust.largest_change * self.units
         now, fixed = self.variables.of(points), self.variables.held(points)
         return Bounds(
-            np.clip(self.variables.lower - now, -trust.largest_change, 0.0),
-            np.clip(self.variables.upper - now, 0.0, trust.largest_change),
+            np.clip(self.variables.lower - now, -most, 0.0),
+            np.clip(self.variables.upper - now, 0.0, most),
             switching[: self.grid.switch_count],
             widths,
             (self.objective.least_duration_step, _MAX_DURATION_STEP),
@@ -309,7 +314,8 @@ class Descent:
             checkpoint: Called with all iterates after each step; it may raise to end the work.
         """
         currents, penalty = begun.iterates, begun.penalty
-        unit = motion_unit(current.spline.control_points for current in currents)
+        each = zip(self._legs, currents, strict=True)
+        unit = motion_unit(current.spline.control_points / leg.units for leg, current in each)
         trust = replace(begun.trust, unit=unit)
         small_gains, remembered = 0, (_NOTHING,) * len(self._legs)
         remaining = _HALVED

@@ -179,14 +179,11 @@ def _segments(grid: KnotGrid, samples: Samples) -> tuple[IntArray, IntArray]:
 
 # ---- Clearances of links from obstacles and each other, where they come close along a spline.
 
-# The unit of the rows [m], as the radius is for the tube.
-_UNIT = 0.05
-# Steps aim at this much more than the required distance, unless start or goal have less [m].
-_INNER_MARGIN = INNER_MARGIN * _UNIT
-# Half of the certificate's tolerance, in units: solids that touch at start or goal have no slack.
-_ROUNDING = MARGIN_TOLERANCE / 2 / _UNIT
-# Pairs that come closer than this beyond the required distance are watched [m].
-_WATCHED = 0.01
+# The unit of the rows, as the radius is for the tube [arm lengths]: with other units of length, or
+# an arm of another size, steps stay the same.
+_UNIT = 0.046
+# Pairs that come closer than this beyond the required distance are watched [units].
+_WATCHED = 0.2
 _PER_INTERVAL = 4  # samples
 # Samples of a pair closer than this fraction of their spacing count as one; requested samples
 # nearly always count.
@@ -205,7 +202,7 @@ class LinkConstraints:
         """
         checker = problem.collision
         self._problem, self._checker, self._slack = problem, checker, slack
-        self._pairs = checker.pairs
+        self._pairs, self._unit = checker.pairs, _UNIT * problem.robot.arm_length
         self._samples = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
         self._pair = np.zeros(0, dtype=np.int64)
         self._corner = np.zeros(0, dtype=np.int64)
@@ -222,13 +219,14 @@ class LinkConstraints:
         pairs = self._pairs[self._pair]
         closest = self._checker.closest_points(*poses, pairs)
         closest = of_corners(self._checker, poses, pairs, closest, self._corner)
-        spare = self._spare[self._pair]
+        spare, unit = self._spare[self._pair], self._unit
         along = self._required(spline)
         required, change = along.of_pairs(spline.grid, self._samples, at.position, self._pair)
-        # Where the aimed distance is smaller, the merit function may ignore less of it.
-        strict = (MERIT_TOLERANCE * (1 - spare / _INNER_MARGIN) - _ROUNDING).clip(min=0)
-        aim = (required + spare, change, strict)
-        return EvaluatedLinks(self._problem, at, pairs, *aim, *poses, closest)
+        # Where the aimed distance is smaller, the merit function may ignore less of it. Solids that
+        # touch at start or goal have no slack but half of the certificate's tolerance.
+        strict = MERIT_TOLERANCE * (1 - spare / (INNER_MARGIN * unit)) - MARGIN_TOLERANCE / 2 / unit
+        aim = (required + spare, change, strict.clip(min=0))
+        return EvaluatedLinks(self._problem, at, pairs, unit, *aim, *poses, closest)
 
     def on_other_knots(self, spline: PhasedSpline, other: PhasedSpline) -> "LinkConstraints":
         """Return the constraints for a spline on other knots, with samples at the same times."""
@@ -254,7 +252,7 @@ class LinkConstraints:
         clearance = distance - required
         before = np.vstack([np.full((1, len(self._pairs)), np.inf), clearance[:-1]])
         after = np.vstack([clearance[1:], np.full((1, len(self._pairs)), np.inf)])
-        lowest = (clearance < _WATCHED) & (clearance <= before) & (clearance < after)
+        lowest = (clearance < _WATCHED * self._unit) & (clearance <= before) & (clearance < after)
         sample, pair = np.nonzero(lowest)
         at = samples.where(sample)
         return self._watch(spline, at, pair, clearance[sample, pair], _SAME_FRACTION)
@@ -264,7 +262,7 @@ class LinkConstraints:
         q = sampled(spline, samples).position
         required = self._required(spline).at(spline.grid, samples, q)
         distance = self._distances(q, np.full((len(q), len(self._pairs)), -np.inf), required)
-        sample, pair = np.nonzero(distance - required < _WATCHED)
+        sample, pair = np.nonzero(distance - required < _WATCHED * self._unit)
         at = samples.where(sample)
         self._watch(spline, at, pair, np.zeros(len(pair)), _SAME_FRACTION_ASKED)
 
@@ -314,7 +312,7 @@ class LinkConstraints:
         required = self._required(spline).at_ends(ends)[:, pairs]
         there = np.min(distances - required, axis=0) - 1e-6
         spare = self._spare.copy()  # objects from `on_other_knots` share the array
-        spare[pairs] = np.clip(there, 0.0, _INNER_MARGIN)
+        spare[pairs] = np.clip(there, 0.0, INNER_MARGIN * self._unit)
         self._spare = spare
 
     def _distances(self, q: FloatArray, bounds: FloatArray, required: FloatArray) -> FloatArray:
@@ -323,7 +321,8 @@ class LinkConstraints:
         Distances of pairs too far to be watched are lower bounds: the known ones, from spheres, or
         along the direction that separates the pair at a configuration near by.
         """
-        return self._checker.near_distances(q, self._pairs, required + _WATCHED, bounds)
+        near: FloatArray = required + _WATCHED * self._unit
+        return self._checker.near_distances(q, self._pairs, near, bounds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,6 +334,7 @@ class EvaluatedLinks:
     problem: PlanningProblem
     at: SampledSpline  # the spline at those instants
     pairs: IntArray  # indices of the shapes, shape (E, 2)
+    unit: float  # of the rows [m]
     distance: FloatArray  # that steps aim at, shape (E,) [m]
     change: FloatArray  # its derivatives by the joints, shape (E, n) [m/rad or 1]
     strict: FloatArray  # added to the excess, shape (E,)
@@ -344,7 +344,7 @@ class EvaluatedLinks:
 
     @cached_property
     def excess(self) -> FloatArray:
-        """Violation of each pair's distance, in units of 5 cm, shape (E,)."""
+        """Violation of each pair's distance [units], shape (E,)."""
         return self.strict - self._slack
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
@@ -367,11 +367,11 @@ class EvaluatedLinks:
         gradient = self.problem.collision.distance_gradient(
             self.rotation, self.position, self.pairs, self.closest
         )
-        by_joint: FloatArray = (self.change - gradient)[:, None] / _UNIT
+        by_joint: FloatArray = (self.change - gradient)[:, None] / self.unit
         return by_joint
 
     @property
     def _slack(self) -> FloatArray:
-        """Distance of the pairs beyond the target distance, in units of 5 cm, shape (E,)."""
-        slack: FloatArray = (self.closest.distance - self.distance) / _UNIT
+        """Distance of the pairs beyond the target distance [units], shape (E,)."""
+        slack: FloatArray = (self.closest.distance - self.distance) / self.unit
         return slack

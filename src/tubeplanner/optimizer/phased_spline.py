@@ -351,11 +351,20 @@ class SampledSpline:
         _chained(*self.arguments(by_path), count, which, np.arange(count), control, switching)
         return control, switching
 
-    def arguments(self, by_path: Mapping[int, FloatArray]) -> tuple[Any, ...]:
-        """Return the library's arguments for the spline and derivatives as of `chained`."""
+    def arguments(
+        self, by_path: Mapping[int, FloatArray], units: FloatArray | None = None
+    ) -> tuple[Any, ...]:
+        """Return the library's arguments for the spline and derivatives as of `chained`.
+
+        Joints count in units (n,) [rad or m]; None: as they are.
+        """
         sizes = (len(self.first), self.by_x.shape[2], len(self.basis), len(self.by_switching))
+        by_switching = self.by_switching
+        if units is not None:
+            by_path = {order: by * units for order, by in by_path.items()}
+            by_switching = by_switching / units
         by = [np.ascontiguousarray(by_path[k]) if k in by_path else None for k in range(4)]
-        return *sizes, self.basis, self.by_switching, self.switching_range, *by
+        return *sizes, self.basis, by_switching, self.switching_range, *by
 
 
 def sampled(spline: PhasedSpline, evaluation_points: EvaluationPoints) -> SampledSpline:

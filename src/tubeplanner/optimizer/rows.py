@@ -44,8 +44,9 @@ MERIT_TOLERANCE: float = 0.8 * INNER_MARGIN
 class StepSize:
     """The largest step."""
 
-    control: float  # of control points [rad or m]
+    control: float  # of control points [joint units]
     switching: FloatArray  # of the inner switching times, shape (m-1,)
+    units: FloatArray | None = None  # of the joints, shape (n,); None: 1 each [rad or m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,16 +191,18 @@ def _breakable(
         index, slack = np.empty(slack.size, dtype=np.int64), np.ascontiguousarray(slack)
         sides = slack.shape[2], len(signs), np.array(signs), slack
         step = (0.0, 0.0, None) if size is None else (little, size.control, size.switching)
-        count = _near(*at.arguments(by_path), *sides, *step, index, control, switching)
-        return index[:count], control[:count], switching[:count]
+        units = None if size is None else size.units
+        count = _near(*at.arguments(by_path, units), *sides, *step, index, control, switching)
+        control = control[:count] if units is None else control[:count] / units
+        return index[:count], control, switching[:count]
     # The chain rule costs most: a bound on the reach rules out most rows before.
     reach: FloatArray | float = np.inf
     if size is not None:
-        orders = list(by_path)
+        orders, scale = list(by_path), 1.0 if size.units is None else size.units
         by_step = size.control * abs(at.basis[orders]).sum(axis=-1)
-        most = abs(at.by_switching[:, orders]).max(axis=-1, initial=0.0)
+        most = abs(at.by_switching[:, orders] / scale).max(axis=-1, initial=0.0)
         by_step += np.einsum("gon,g->on", most, size.switching)
-        sums = np.array([abs(by_path[order]).sum(axis=-1) for order in orders])
+        sums = np.array([abs(by_path[order] * scale).sum(axis=-1) for order in orders])
         reach = np.maximum(little, np.einsum("on,oni->ni", by_step, sums))
     side, sample, quantity = near = np.nonzero(slack < reach)
     own = {order: by[sample, quantity, None] for order, by in by_path.items()}
@@ -214,6 +217,8 @@ def _breakable(
 
 
 def _largest_change(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatArray:
+    if size.units is not None:
+        control = control * size.units
     if _reach is None:
         reach: FloatArray = size.control * abs(control).sum(axis=(-2, -1))
         return reach + abs(switching) @ size.switching

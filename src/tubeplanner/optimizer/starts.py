@@ -28,8 +28,8 @@ _INTERVALS, _ENOUGH = (12, 16, 24, 32, 48, 64, 96, 128), 0.5
 _FIT_SAMPLES = np.arange(3) / 3
 # Control points that the fit does not determine are pulled to the joint line by this weight.
 _DRAW = 1e-8
-# Joints may move while the tool hardly does: a radian counts as this many metres of travel.
-_TRAVEL_PER_RADIAN = 0.05
+# Joints may move while the tool hardly does: a joint unit counts as so much of the arm's length.
+_TRAVEL_OF_JOINTS = 0.042
 # Knot intervals are divided into fewer parts where they are shorter than the average divided by
 # this, as angles of Chebyshev points.
 _SHORT = 1.5
@@ -63,10 +63,11 @@ def starting_spline(
 
     Its phases are the tube's chains. It has about `intervals` knot intervals.
     """
-    q = np.concatenate(branch.segments)
-    tool = problem.robot.tool_position(q)
-    steps = np.linalg.norm(np.diff(tool, axis=0), axis=1)
-    steps += _TRAVEL_PER_RADIAN * np.linalg.norm(np.diff(q, axis=0), axis=1)
+    q, robot = np.concatenate(branch.segments), problem.robot
+    tool = robot.tool_position(q)
+    steps = np.linalg.norm(np.diff(q, axis=0) / robot.joint_units, axis=1)
+    steps *= _TRAVEL_OF_JOINTS * robot.arm_length
+    steps += np.linalg.norm(np.diff(tool, axis=0), axis=1)
     travel = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     corners = travel[np.cumsum([len(segment) for segment in branch.segments]) - 1]
     x = np.linspace(0, 1, 2001)

@@ -24,9 +24,10 @@ _FIRST, _THIRD = (-1.0, 1.0), (-1.0, 3.0, -3.0, 1.0)
 class StepCost:
     """The quadratic costs of steps on one knot grid."""
 
-    def __init__(self, variables: ControlVariables, grid: KnotGrid, joints: int) -> None:
-        """Find the pattern of the Hessian."""
-        self._variables, self._intervals = variables, grid.interval_count
+    def __init__(self, variables: ControlVariables, grid: KnotGrid, units: FloatArray) -> None:
+        """Find the pattern of the Hessian. Joints are measured in units (n,) [rad or m]."""
+        self._variables, self._intervals, self._units = variables, grid.interval_count, units
+        joints = len(units)
         self._weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
         count, others = len(variables.lower), grid.switch_count + DURATION_AND_ELASTIC
         alone = np.arange(count)
@@ -44,7 +45,7 @@ class StepCost:
         )
         self._still, self._damped = (
             np.append(
-                np.repeat(np.bincount(index, value, len(row)), joints), np.full(others, other)
+                np.outer(np.bincount(index, value, len(row)), units**-2.0), np.full(others, other)
             )
             for value, other in ((still, _OTHERS), (damped, 0.0))
         )
@@ -70,7 +71,7 @@ class StepCost:
         for index, weight in enumerate(_THIRD):
             by_point[index : index + len(bends)] += weight * bends
         gradient = np.zeros(self._size - DURATION_AND_ELASTIC)
-        by_variable = self._weight * self._variables.collected(by_point)
+        by_variable = self._weight * self._variables.collected(by_point) / self._units**2
         gradient[: by_variable.size] = by_variable.ravel()
         return Quadratic(hessian, gradient)
 
@@ -88,7 +89,7 @@ class StepCost:
         return rates
 
     def _squared_rates(self, control_points: FloatArray) -> float:
-        rates = np.diff(control_points, axis=0)
+        rates = np.diff(control_points, axis=0) / self._units
         return self._intervals * float(np.vdot(rates, rates))
 
 

@@ -19,7 +19,7 @@ from tubeplanner.optimizer.step_program import Block, Step, StepProgram, step_pr
 # (Lewis & Wright, "A proximal method for composite minimization", 2016.) Box and damping are
 # measured by the size of the motion: in a tube of a millimetre, a step of 1e-4 rad is large.
 
-# A motion in which some joint moves farther than this is as large as any [rad or m].
+# A motion in which some joint moves farther than this is as large as any [joint units].
 _LARGE_MOTION = 0.3
 MIN_RADIUS, _MAX_RADIUS = 1e-4, 1.0
 _POOR, _FAIR, _DECENT, _GOOD = 0.1, 0.3, 0.5, 0.7
@@ -60,12 +60,12 @@ class TrustRegion:
 
     radius: float  # largest change of a control point, in units
     damping: float = _MIN_DAMPING  # weight of half the step's squared rates in its cost
-    unit: float = 1.0  # of the radius [rad or m]: see `motion_unit`
+    unit: float = 1.0  # of the radius [joint units]: see `motion_unit`
     times_relaxed: int = 0  # how often damping was relaxed
 
     @property
     def largest_change(self) -> float:
-        """Largest change of a control point [rad or m]."""
+        """Largest change of a control point [joint units]."""
         return self.radius * self.unit
 
     @property
@@ -109,9 +109,9 @@ class TrustRegion:
 
 
 def motion_unit(motions: Iterable[FloatArray]) -> float:
-    """Return the unit of the trust radius [rad or m]: 1, or less if all joints hardly move.
+    """Return the unit of the trust radius [joint units]: 1, or less if all joints hardly move.
 
-    The control points of every spline have shape (K, n).
+    The control points of every spline have shape (K, n) [joint units].
     """
     farthest = max(float(np.ptp(points, axis=0).max()) for points in motions)
     return min(farthest / _LARGE_MOTION, 1.0) or 1.0

@@ -428,6 +428,23 @@ class RobotModel:
         return lever_arms(self._model, np.where(joints.is_revolute, 0.0, travel))
 
     @cached_property
+    def arm_length(self) -> float:
+        """Largest bound on the distance of the tool from a turning joint's axis [m].
+
+        Without turning joints, the sum of the joints' travel and of the distances between their
+        origins; 1 where that is 0 or infinite.
+        """
+        lever = self.lever_arm[self._model.frames[self._tool_id].parentJoint]
+        turning = lever[self._joints.is_revolute & (lever > 0)]
+        length = float((turning if len(turning) else lever).max(initial=0.0)) + self.tool_reach
+        return length if 0 < length < np.inf else 1.0
+
+    @cached_property
+    def joint_units(self) -> FloatArray:
+        """Changes of the joints that count alike: 1 rad, or the arm's length, (n,) [rad or m]."""
+        return read_only(np.where(self.revolute, 1.0, self.arm_length))
+
+    @cached_property
     def body_parents(self) -> IntArray:
         """The body that carries each body, shape (bodies,); the base carries itself."""
         return np.array([self._model.parents[body] for body in range(self.body_count)])
@@ -490,6 +507,16 @@ class RobotModel:
     def tool_joints(self) -> FloatArray:
         """Joint table (k, 41) of the joints that move the tool, a fixed last joint included."""
         return self._tool.joint_table
+
+    @cached_property
+    def tool_joints_in_units(self) -> FloatArray:
+        """`tool_joints` with lengths measured by the arm's: of joints in their units."""
+        table, length = self.tool_joints.copy(), self.arm_length
+        own = np.where(table[:, 2], 1.0, length)
+        table[:, 3] *= self.joint_units[table[:, 1].astype(int)] / own
+        table[:, 4] /= own
+        table[:, 5:8] /= length
+        return read_only(table)
 
     @cached_property
     def _tool(self) -> ToolChain:
