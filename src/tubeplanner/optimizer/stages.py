@@ -45,6 +45,8 @@ _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.1, 0.02
 _MIN_LAST_TRUST = 0.002
 _GAIN, _LAST_GAIN = 5e-4, 2e-4
 _MAX_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 60, 3, 8
+# Further rounds while each gains at least this fraction of T^2, up to this number in all.
+_WORTH_A_ROUND, _MOST_ROUNDS = 0.002, 32
 _NEAR_TRUST = 0.01  # of a start that is nearly an answer
 # On coarse knots, links that came close during the search keep this much clearance.
 _MAX_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
@@ -257,11 +259,16 @@ class Refinement(Stage):
         if self._program.constraints.blend(BLENDED):
             again = self._program.iterate(result.iterate.spline)
             result = replace(result, iterates=(again,), has_ended=False)
-        for _ in range(_MAX_ROUNDS):
+        for rounds in range(_MOST_ROUNDS):
             dense, has_more = self._program.constraints.add_samples_between(result.iterate)
             inside = dense.excess <= MERIT_TOLERANCE
-            if inside and (best is None or dense.squared_duration < best.squared_duration):
+            least = np.inf if best is None else best.squared_duration
+            if inside and dense.squared_duration < least:
                 best = dense
+            if rounds >= _MAX_ROUNDS and not (
+                inside and dense.squared_duration < (1 - _WORTH_A_ROUND) * least
+            ):
+                break
             near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * result.iterate.squared_duration
             if inside and result.has_ended and (near or not has_more):
                 break
