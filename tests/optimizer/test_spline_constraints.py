@@ -107,7 +107,7 @@ class Kinds:
         """Return blended friction whose width does not change with the path."""
         widest = np.append(rate, np.full((1, rate.shape[1]), 8.0), axis=0)
         motors, unknown = self.problem.robot.motors, np.full_like(widest, np.nan)
-        blended = blended_friction(motors, widest, unknown, 0.4, PIECES.get(self.kind))
+        blended = blended_friction(motors, widest, unknown, 0.4, piece=PIECES.get(self.kind))
         names = CoulombFriction.__dataclass_fields__
         return CoulombFriction(*(getattr(blended, name)[:-1] for name in names))
 

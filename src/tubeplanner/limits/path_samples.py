@@ -65,6 +65,7 @@ def blended_friction(
     rate: FloatArray,
     end_direction: FloatArray,
     fraction: float,
+    largest: FloatArray | None = None,
     piece: str | None = None,
 ) -> CoulombFriction:
     """Return differentiable bounds on the friction of a whole path from both sides.
@@ -76,10 +77,11 @@ def blended_friction(
             goal, at samples near these; nan at others, shape (N, n).
         fraction: Fraction of a joint's largest velocity below which the friction of both directions
             counts.
+        largest: The joints' largest velocities, shape (n,); None: at the samples.
         piece: The piece of `FRICTION_PIECES` of which the bounds are at every rate; None: they are
             of all three pieces.
     """
-    largest = abs(rate).max(axis=0)
+    largest = abs(rate).max(axis=0) if largest is None else largest
     moves = largest > STILL_FRACTION * largest.max()
     width = np.where(moves, fraction * largest, 1.0)
     forwards, backwards = motors.forwards_friction, -motors.backwards_friction

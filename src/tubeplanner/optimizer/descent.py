@@ -120,7 +120,9 @@ class SequentialProgram:
     def iterate(self, spline: PhasedSpline) -> Iterate:
         """Return the iterate of a spline, its control points clipped to the joints' bounds."""
         points = self.variables.within_bounds(spline.control_points)
-        return self.constraints.at(PhasedSpline(self.grid, spline.switching_times, points))
+        within = PhasedSpline(self.grid, spline.switching_times, points)
+        self.constraints.hold_friction(within)
+        return self.constraints.at(within)
 
     def elasticities(self, current: Iterate) -> dict[LimitKey, float]:
         """Return d ln T / d ln p of an optimal spline, for every limit p: none is positive.

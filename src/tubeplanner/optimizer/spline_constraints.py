@@ -146,6 +146,7 @@ class SplineConstraints:
             slack: The fraction of the tube's regions that stays unused, shape (m,); None: none.
         """
         self._run_in, self._blended = run_in, BLENDED
+        self._largest_rates: FloatArray | None = None
         self._problem, self._grid, self.links, self._radius = problem, grid, links, radius
         limits = speed_limits(problem)
         self._goal_keys = goal_keys(problem)
@@ -203,6 +204,15 @@ class SplineConstraints:
         has_changed = self._problem.robot.motors.has_coulomb_friction and intervals != self._blended
         self._blended = intervals
         return has_changed
+
+    def hold_friction(self, spline: PhasedSpline) -> None:
+        """Blend friction over fractions of a spline's largest velocities from now on.
+
+        So steps from the spline do not change the range over which it is blended: rows have no
+        derivative of that.
+        """
+        samples = sampled(spline, self._watched_samples[False])
+        self._largest_rates = abs(samples.by_x[1]).max(axis=0)
 
     def at(self, spline: PhasedSpline) -> Iterate:
         """Return a spline with its constraints at the samples."""
@@ -295,7 +305,8 @@ class SplineConstraints:
     def _at(
         self, spline: PhasedSpline, watched: Mapping[bool, Samples], tube_samples: Samples
     ) -> Iterate:
-        arm = _ArmAlong(self._problem, spline, self._radius, self._blended, self._is_requested)
+        friction = self._blended, self._largest_rates
+        arm = _ArmAlong(self._problem, spline, self._radius, friction, self._is_requested)
         limits = tuple(
             EvaluatedSpeedLimit(limit, *arm.at(self._points(limit, watched)), numbers)
             for limit, numbers in self._limits
@@ -378,9 +389,11 @@ class _ArmAlong:
         problem: PlanningProblem,
         spline: PhasedSpline,
         radius: FloatArray,
-        blended: float,
+        friction: tuple[float, FloatArray | None],
         is_requested: BoolArray,
     ) -> None:
+        """Take the knot intervals of blended friction, and the largest velocities, if held."""
+        blended, self._largest_rates = friction
         self._problem, self._spline, self._radius = problem, spline, radius
         self._is_requested = is_requested
         # Of a joint's largest velocity.
@@ -416,9 +429,11 @@ class _ArmAlong:
     ) -> CoulombFriction:
         rate, motors = at.by_x[1], self._problem.robot.motors
         # Widely blended friction guides the first steps: the more of it is exact, the less it does.
+        largest = self._largest_rates
+        largest = abs(rate).max(axis=0) if largest is None else largest
         fraction = self._blended_fraction if self._is_last else 0.0
-        ends = self._spline.end_directions(samples, fraction * abs(rate).max(axis=0))
-        return blended_friction(motors, rate, ends, self._blended_fraction, piece)
+        ends = self._spline.end_directions(samples, fraction * largest)
+        return blended_friction(motors, rate, ends, self._blended_fraction, largest, piece)
 
     def segments_of(self, samples: Samples) -> OrderedSegments:
         points, runs = self._problem.tube.points, self._spline.grid.runs
