@@ -157,7 +157,7 @@ def no_samples():
     inverse_kinematics.native_solve_positions(table, settings, np.zeros((0, 3)), joints, None)
     axes = (np.zeros((1, 3)), np.ones((1, 3)))
     regions.away_from_axes(np.zeros((0, 3)), axes, np.zeros(0, int), 1e-9)
-    planes = Planes(np.zeros(0, int), np.zeros((0, 3)), np.zeros(0, int))
+    planes = Planes(np.zeros(0, int), np.zeros((0, 3)), *np.zeros((2, 0), int))
     capsules = regions.Capsules(*axes, np.ones(1))
     EvaluatedRegions(None, np.zeros((0, 3)), None, capsules, np.zeros(0, int), none, None).slack(
         planes
