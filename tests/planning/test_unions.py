@@ -22,7 +22,7 @@ QUICK = PlanOptions(slack=0.0, candidate_points=12)
 # The last segment begins beside the end of the first; the two between lead out and back.
 DETOUR = [[0.45, -0.2, 0], [0.45, 0.05, 0], [0.55, 0.1, 0], [0.5, 0.2, 0], [0.4, 0.1, 0]]
 # At the far end of the detour.
-BALL = Obstacle.sphere("ball", 0.03, placement_of([0.53, 0.1, 0]))
+BALL = Obstacle.sphere("ball", 0.05, placement_of([0.53, 0.1, 0]))
 NOTE = "planned from the last motion, not afresh"
 
 

@@ -107,7 +107,7 @@ def visited_phases(
     visits: list[tuple[int, int, int]] = []
     here = 0  # the last sample in the latest segment
     for instant, point in [*passages, (len(x) - 1, None)]:
-        until = instant if point is None else int(first[instant, point - 1])
+        until = instant if point is None else min(int(first[instant, point - 1]), instant)
         while here < until or not visits:
             here += int(visits != [] and last[here].max() == here)
             segment = int(last[here].argmax())

@@ -75,7 +75,7 @@ def test_planes_have_the_same_slack(bend, monkeypatch):
     tool, backoff, own = RNG.normal(size=(8, 3)), RNG.uniform(0, 0.1, 8), np.arange(8) % 4
     at = EvaluatedRegions(None, tool, None, RANDOM_CAPSULES, own, backoff, None)
     sample, other = np.array([[0, 1, 2, 4, 5, 6, 3, 7], [1, 2, 0, 0, 1, 0, 3, 3]])
-    planes = Planes(sample, unit_vectors(RNG, 8), other)
+    planes = Planes(sample, unit_vectors(RNG, 8), other, np.arange(8) % 2 == 0)
     compiled = at.slack(planes, bend)
     monkeypatch.setattr(region_constraints, "_plane_slack", None)
     np.testing.assert_allclose(compiled, at.slack(planes, bend), rtol=1e-11, atol=1e-12)
