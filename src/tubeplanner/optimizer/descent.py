@@ -450,7 +450,7 @@ class _Linearized:
         repeated while it pays.
         """
         best, missing = (trials, gain), predicted - gain
-        for _ in range(_MAX_CORRECTIONS):
+        for further in reversed(range(_MAX_CORRECTIONS)):
             each = zip(self._legs, self._currents, trials, steps, strict=True)
             slack = [
                 leg.constraints.slack(current, trial, 1 + step.duration)
@@ -464,7 +464,9 @@ class _Linearized:
             gain = self._gains(trials, steps)[1]
             if gain > best[1]:
                 best = trials, gain
-            if gain >= _GOOD_RATIO * predicted or predicted - gain > remaining * missing:
+            left, missing = (predicted - gain) / missing, predicted - gain
+            # Not where further corrections like this one would leave too much.
+            is_far = missing * left**further > (1 - _WORTH_A_MOVE) * predicted
+            if gain >= _GOOD_RATIO * predicted or left > remaining or is_far:
                 break
-            missing = predicted - gain
         return best

@@ -122,8 +122,7 @@ def motion_unit(motions: Iterable[FloatArray]) -> float:
 # Constraints that a step breaks and its program lacked join the next program.
 
 _MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
-# Of a step's cost: a part of the least gain that counts.
-STEP_TOLERANCE = 1e-5
+STEP_TOLERANCE = 1e-4  # of a step's cost
 # Where solutions go on from the last one, constraints that a step this rough breaks join at once.
 _ROUGH = 0.05
 
