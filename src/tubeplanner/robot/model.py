@@ -441,7 +441,7 @@ class RobotModel:
 
     @cached_property
     def joint_units(self) -> FloatArray:
-        """Changes of the joints that count alike: 1 rad, or the arm's length, (n,) [rad or m]."""
+        """The unit of each joint's changes, 1 rad or the arm's length, shape (n,) [rad or m]."""
         return read_only(np.where(self.revolute, 1.0, self.arm_length))
 
     @cached_property
