@@ -7,6 +7,7 @@ import pytest
 
 from tubeplanner import LimitOverrides, PlanningProblem, Tube, load_robot
 from tubeplanner.first_guess.branches import RedundancyRule, reference_branch
+from tubeplanner.native.library import LIBRARY
 from tubeplanner.optimizer.descent import Descent, DescentState, SequentialProgram
 from tubeplanner.optimizer.phased_spline import PhasedSpline
 from tubeplanner.optimizer.starts import knot_grid, on_periodic_knots, starting_spline
@@ -114,9 +115,10 @@ def test_arms_of_every_size_begin_alike_and_take_the_same_steps(tmp_path):
         durations.append((begun.iterate.duration, ended.iterate.duration))
     np.testing.assert_allclose(np.ptp(splines, axis=0), 0, atol=1e-9)
     first, last = np.transpose(durations)
-    assert (
-        np.ptp(first) < 1e-9 and np.ptp(last) < 1e-4 < 0.1 * first.max() < first.max() - last.max()
-    )
+    assert np.ptp(first) < 1e-9
+    assert last.max() < 0.9 * first.max()
+    if LIBRARY.functions is not None:  # PIQP's steps differ by its tolerances
+        assert np.ptp(last) < 1e-4
 
 
 SWITCHING_TIMES = np.array([0.0, 0.31, 0.33, 1.0])

@@ -50,7 +50,8 @@ def test_segments_that_lead_astray_are_left_out(detour):
     assert verify(problem, answer.trajectory).passed
     assert "points" not in verify(in_order(problem), answer.trajectory).failures()
     assert answer.search.best_duration > answer.duration  # branch and bound ran, too
-    assert len(answer.motion.spline.grid.runs) == 2  # the first segment and the last
+    visited = answer.motion.spline.grid.runs
+    assert sum(map(len, visited)) < problem.tube.segment_count
 
 
 def test_branch_and_bound_leads_on_where_the_first_start_is_blocked(two_link):
