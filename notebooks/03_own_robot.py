@@ -182,7 +182,8 @@ for clearance in (0.0, 0.04):
     fenced = problem_with(URDF_LIMIT, robot=loaded, obstacles=fence, clearance=clearance)
     answer = plan(fenced)
     print(f"clearance {1000 * clearance:.0f} mm: {answer.message}")
-    print("   ", answer.certificate.describe("obstacles"))
+    distance = clearance + answer.certificate.conditions["obstacles"].margin
+    print(f"    {1000 * distance:.1f} mm from the fence at the nearest")
 
 # %% picture=[0.55,0.2,1.0,0.62]
 plot_trajectory(fenced, answer.trajectory)
