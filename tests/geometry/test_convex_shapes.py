@@ -1,12 +1,16 @@
 """Convex shapes, hulls, bounding boxes, evenly spread directions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose as close
+from scipy.optimize import nnls
 from scipy.spatial import ConvexHull, Delaunay
 
 from tubeplanner import Obstacle, placement_of
 from tubeplanner.geometry.convex_shapes import (
+    MAX_THINNED_CORNERS,
     ConvexShape,
     bounding_boxes,
     box,
@@ -93,6 +97,39 @@ def test_a_hull_keeps_corners_only_and_holds_every_point():
     assert {tuple(vertex) for vertex in hull.vertices} <= {tuple(point) for point in points}
     d = directions(200)
     close(support(hull, d), (d @ points.T).max(axis=1))
+
+
+def distance_from_hull(point, corners):
+    """Return the distance of a point (3,) from the hull of corners [m], by least squares."""
+    heavy = 1e6  # weights add up to 1
+    rows = np.vstack([corners.T, np.full(len(corners), heavy)])
+    weights, _ = nnls(rows, [*point, heavy])
+    return np.linalg.norm(weights @ corners / weights.sum() - point)
+
+
+ROUND = np.random.default_rng(3).normal(size=(150, 3))
+ROUND /= np.linalg.norm(ROUND, axis=1, keepdims=True)
+MANY_CORNERS = {
+    "ball": ConvexShape(ROUND * [0.3, 0.2, 0.05], 0.01),
+    "prism": ConvexShape(np.vstack([cylinder(0.06, 0.1).vertices, cylinder(0.04, 0.3).vertices])),
+}
+
+
+@pytest.mark.parametrize("shape", MANY_CORNERS.values(), ids=MANY_CORNERS.keys())
+def test_a_thinned_shape_has_few_corners_and_grows_by_no_more_than_it_lacks(shape):
+    thinned, d = shape.thinned, directions(2000)
+    assert len(thinned.vertices) == MAX_THINNED_CORNERS < len(shape.vertices)
+    away = [distance_from_hull(vertex, thinned.vertices) for vertex in shape.vertices]
+    close(thinned.radius - shape.radius, max(away), atol=1e-8)
+    assert (support(thinned, d) >= support(shape, d)).all()
+    moved = replace(shape, known_thinning=shape.thinning).transformed(PLACEMENT)
+    assert moved.thinning is shape.thinning
+    close(moved.thinned.vertices, shape.thinned.transformed(PLACEMENT).vertices)
+
+
+@pytest.mark.parametrize("shape", [sphere(0.3), capsule(0.1, 0.8), cylinder(0.2, 1.0)])
+def test_a_shape_with_few_corners_is_its_own_thinned_one(shape):
+    assert shape.thinned is shape
 
 
 FLAT = {

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -49,6 +49,11 @@ _INSCRIBED_SIDES = 96  # of a prism that leaves out at most 0.05 % of the radius
 _FLAT_HALF_THICKNESS = 1e-6
 _NO_AREA, _NORMAL_DIGITS = 1e-16, 9  # of a face [m^2]; of a normal's coordinates
 _MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
+MAX_THINNED_CORNERS = 64  # of a thinned shape
+# Corners far along this many directions begin it: the more are chosen so, the larger its growth.
+_FIRST_CORNERS = 8
+_POINTS_AT_ONCE = 1000  # measured against all triangles of a hull
+_SLIVER = 1e-6  # of a triangle's area to its sides' squares
 # Two triangles of each side, for corners in the order of `_BOX_SIGNS`.
 _BOX_SIGNS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
 _BOX_FACES = np.array(
@@ -60,6 +65,13 @@ _BOX_FACES = np.array(
 )
 
 
+class Thinning(NamedTuple):
+    """Few corners of a shape whose hull, once it is grown, contains the whole shape."""
+
+    corners: IntArray  # indices of vertices: all of them, or `MAX_THINNED_CORNERS` at most
+    growth: float  # largest distance of any vertex from the hull of the corners [m]
+
+
 @dataclass(frozen=True, eq=False)
 class ConvexShape:
     """The convex hull of some points, grown by a radius."""
@@ -67,6 +79,7 @@ class ConvexShape:
     vertices: FloatArray  # shape (V, 3) [m]
     radius: float = 0.0  # growth [m], >= 0
     known_faces: IntArray | None = None  # `faces`, if known; None: computed on first use
+    known_thinning: Thinning | None = None  # `thinning`, likewise
 
     __repr__ = short_repr
 
@@ -103,6 +116,23 @@ class ConvexShape:
         sound = length > _NO_AREA
         return np.unique((normals[sound] / length[sound, None]).round(_NORMAL_DIGITS), axis=0)
 
+    @cached_property
+    def thinning(self) -> Thinning:
+        """The corners of `thinned`, and its growth."""
+        return self.known_thinning or _thinning(self.vertices)
+
+    @cached_property
+    def thinned(self) -> "ConvexShape":
+        """The shape itself, or one of at most `MAX_THINNED_CORNERS` vertices that contains it.
+
+        Its vertices are some of the shape's. Its radius is larger by the growth, which no point of
+        the shape exceeds: the distance from a convex set is largest at a vertex.
+        """
+        corners, growth = self.thinning
+        if len(corners) == len(self.vertices):
+            return self
+        return ConvexShape(read_only(self.vertices[corners]), self.radius + growth)
+
     def reach(self, point: FloatArray) -> float:
         """Return the largest distance from a point (3,) to the shape [m]."""
         return float(np.linalg.norm(self.vertices - point, axis=1).max()) + self.radius
@@ -110,7 +140,49 @@ class ConvexShape:
     def transformed(self, placement: FloatArray) -> "ConvexShape":
         """Return the shape moved by a rotation and a translation, shape (4, 4)."""
         vertices = self.vertices @ placement[:3, :3].T + placement[:3, 3]
-        return ConvexShape(read_only(vertices), self.radius, self.known_faces)
+        return ConvexShape(read_only(vertices), self.radius, self.known_faces, self.known_thinning)
+
+
+def _thinning(vertices: FloatArray) -> Thinning:
+    """Return the thinning of vertices (V, 3): again and again the farthest outside is added."""
+    chosen = np.unique((vertices @ spread_directions(_FIRST_CORNERS).T).argmax(axis=0))
+    while len(vertices) > MAX_THINNED_CORNERS:
+        qhull = hull_unless_flat(vertices[chosen])
+        if qhull is None:
+            break
+        outside = (vertices @ qhull.equations[:, :3].T + qhull.equations[:, 3]).max(axis=1)
+        farthest = int(outside.argmax())
+        if len(chosen) < MAX_THINNED_CORNERS and farthest not in chosen:
+            chosen = np.append(chosen, farthest)
+            continue
+        triangles, rest = vertices[chosen[qhull.simplices]], vertices[outside > 0]
+        parts = np.split(rest, range(_POINTS_AT_ONCE, len(rest), _POINTS_AT_ONCE))
+        growth = max(float(_distances(part, triangles).max(initial=0.0)) for part in parts)
+        return Thinning(chosen, growth)
+    return Thinning(np.arange(len(vertices)), 0.0)  # few, or Qhull finds no hull of some
+
+
+def _distances(points: FloatArray, triangles: FloatArray) -> FloatArray:
+    """Return the distances of points (N, 3) from the nearest of triangles (F, 3, 3), (N,) [m].
+
+    Never too short: every distance is that of a point of a triangle, on an edge or between.
+    """
+    sides = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    normals = np.cross(*sides)
+    area = np.linalg.norm(normals, axis=1)
+    # Of a triangle that is hardly more than an edge only the edges count: its normal is not exact.
+    sound = area > _SLIVER * sum((side**2).sum(axis=1) for side in sides)
+    normals[sound] /= area[sound, None]
+    nearest, is_above = np.full(len(points), np.inf), np.tile(sound, (len(points), 1))
+    for k in range(3):
+        start = triangles[:, k]
+        edge, away = triangles[:, (k + 1) % 3] - start, points[:, None] - start
+        fraction = np.clip(np.einsum("nfi,fi->nf", away, edge) / (edge**2).sum(axis=1), 0.0, 1.0)
+        to_edge = np.linalg.norm(away - fraction[:, :, None] * edge, axis=2)
+        nearest = np.minimum(nearest, to_edge.min(axis=1))
+        is_above &= np.einsum("nfi,fi->nf", away, np.cross(normals, edge)) >= 0
+    height = np.where(is_above, abs(np.einsum("nfi,fi->nf", away, normals)), np.inf)
+    return np.asarray(np.minimum(nearest, height.min(axis=1)))
 
 
 def box(size: Iterable[float]) -> ConvexShape:

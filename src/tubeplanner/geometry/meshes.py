@@ -21,7 +21,7 @@ from tubeplanner import __version__
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.documents import DocumentError, read_bytes, require_regular
 from tubeplanner.errors import RobotError, shown
-from tubeplanner.geometry.convex_shapes import ConvexShape, convex_hull, hull
+from tubeplanner.geometry.convex_shapes import ConvexShape, Thinning, convex_hull, hull
 from tubeplanner.geometry.fine_covers import OUTER_ERROR, Cover, cover_error, fine_cover
 from tubeplanner.geometry.mesh_solids import MeshSolid
 from tubeplanner.writing import StagedFile, signals_held
@@ -194,7 +194,7 @@ def _volume(shapes: list[ConvexShape]) -> float:
 
 VARIABLE = "TUBEPLANNER_CACHE"  # a folder, or "off"
 # Part of every name: with another number, entries made by other code are not found any more.
-_FORMAT = f"{__version__}-4"
+_FORMAT = f"{__version__}-5"
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
 Arrays = dict[str, np.ndarray]
@@ -224,7 +224,7 @@ def content_hash(parts: Iterable[bytes | str | np.ndarray]) -> str:
 
 
 def packed(shapes: Sequence[ConvexShape]) -> Arrays:
-    """Return shapes as arrays, with their faces, so that no hull is computed again."""
+    """Return shapes as arrays, with faces and thinnings, so that no hull is computed again."""
     no_faces = np.zeros((0, 3), dtype=np.int64)
     return {
         "vertices": np.concatenate([np.zeros((0, 3)), *(shape.vertices for shape in shapes)]),
@@ -232,6 +232,9 @@ def packed(shapes: Sequence[ConvexShape]) -> Arrays:
         "faces": np.concatenate([no_faces, *(shape.faces for shape in shapes)]),
         "face_counts": np.array([len(shape.faces) for shape in shapes], dtype=np.int64),
         "radius": np.array([shape.radius for shape in shapes], dtype=np.float64),
+        "thinned": np.concatenate([no_faces[:, 0], *(shape.thinning.corners for shape in shapes)]),
+        "thinned_counts": np.array([len(s.thinning.corners) for s in shapes], dtype=np.int64),
+        "growth": np.array([shape.thinning.growth for shape in shapes], dtype=np.float64),
     }
 
 
@@ -241,10 +244,12 @@ def unpacked(arrays: Mapping[str, np.ndarray]) -> list[ConvexShape]:
         _parts(arrays["vertices"], arrays["counts"]),
         _parts(arrays["faces"], arrays["face_counts"]),
         arrays["radius"],
+        _parts(arrays["thinned"], arrays["thinned_counts"]),
+        arrays["growth"],
     )
     return [
-        ConvexShape(read_only(vertices), float(radius), faces)
-        for vertices, faces, radius in zip(*parts, strict=True)
+        ConvexShape(read_only(vertices), float(radius), faces, Thinning(corners, float(growth)))
+        for vertices, faces, radius, corners, growth in zip(*parts, strict=True)
     ]
 
 
