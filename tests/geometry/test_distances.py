@@ -146,3 +146,20 @@ def test_a_disc_of_many_corners_is_as_deep_as_it_is():
         result = separation(box(TABLE), disc, *on_the_table(-0.003, tilt, part=disc))
         assert result.distance[0] == pytest.approx(-0.003, abs=accuracy)
         close(result.direction[0], [0, 0, 1], atol=1e-5)
+
+
+@pytest.mark.parametrize("counts", [(300, 12), (20, 150)])
+def test_an_overlap_is_no_deeper_than_any_normal_of_both_shapes_says(counts):
+    rng = np.random.default_rng(4)
+    for _ in range(25):
+        points = [rng.normal(size=(count, 3)) * rng.uniform(0.05, 0.3, 3) for count in counts]
+        first, second = (convex_hull(each / np.linalg.norm(each)) for each in points)
+        rotation = Rotation.random(random_state=rng.integers(1000)).as_matrix()
+        position = rng.uniform(-0.02, 0.02, 3)
+        placed = second.vertices @ rotation.T + position
+        normals = np.vstack([first.normals, -second.normals @ rotation.T])
+        gaps = (placed @ normals.T).min(axis=0) - (first.vertices @ normals.T).max(axis=0)
+        result = separation(first, second, rotation, position)
+        assert gaps.max() - 1e-12 <= result.distance[0] < 0
+        along = (placed @ result.direction[0]).min() - (first.vertices @ result.direction[0]).max()
+        close(along, result.distance[0], atol=1e-12)

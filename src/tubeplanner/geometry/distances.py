@@ -36,6 +36,8 @@ _SIGNED.enable_signed_distance = True
 # Coal refuses solids of which more edges than 255 meet at a corner.
 _MAX_NEIGHBOURS = 250
 _SETTLED = 1e-9  # [m]: a shorter vector between two hulls has no direction
+# Corners of each hull that sort out directions at first, and directions measured together.
+_FEW_CORNERS, _DIRECTIONS_AT_ONCE = 8, 16
 _PAIRS_AT_ONCE = 256  # as many as keep their vertices in the processor's cache
 
 
@@ -207,13 +209,14 @@ class PlacedShapes:
             apart = float(_gaps(first, second, normal[None])[0])
         points = result.getNearestPoint1(), result.getNearestPoint2()
         candidates = [_Penetration(apart, normal, *points)]
+        thinned = [shape.thinning.corners for shape in shapes]
         for k, (shape, sign) in enumerate(zip(shapes, (1.0, -1.0), strict=True)):
             normals = sign * shape.normals @ rotation[k].T
-            if len(normals) == 0:
+            above = max(each.apart for each in candidates)
+            best = _largest_gap(first, second, normals, thinned, above)
+            if best is None:
                 continue
-            gaps = _gaps(first, second, normals)
-            best = int(gaps.argmax())
-            normal, apart = normals[best], float(gaps[best])
+            apart, normal = best
             # The deepest corner of one shape, and the point across from it on the other's face.
             if k == 0:
                 corner = second[(second @ normal).argmin()]
@@ -285,6 +288,33 @@ def _gaps(first: FloatArray, second: FloatArray, along: FloatArray) -> FloatArra
     """Return the gaps from the first corners to the second along directions, (F,) [m]."""
     gaps: FloatArray = (second @ along.T).min(axis=0) - (first @ along.T).max(axis=0)
     return gaps
+
+
+def _largest_gap(
+    first: FloatArray,
+    second: FloatArray,
+    along: FloatArray,
+    thinned: Sequence[IntArray],
+    above: float,
+) -> tuple[float, FloatArray] | None:
+    """Return the largest gap above a value [m] along directions (F, 3), and its direction.
+
+    None if no gap is. The gap of some corners, as of those of thinned hulls, given by their rows,
+    is never below the gap of all: few corners show of nearly all directions that they are no use.
+    """
+    for count in (_FEW_CORNERS, None):
+        bounds = _gaps(first[thinned[0][:count]], second[thinned[1][:count]], along)
+        along, bounds = along[bounds > above], bounds[bounds > above]
+    best, order = None, np.argsort(-bounds, kind="stable")
+    for begin in range(0, len(order), _DIRECTIONS_AT_ONCE):
+        rows = order[begin : begin + _DIRECTIONS_AT_ONCE]
+        if bounds[rows[0]] <= above:
+            break
+        gaps = _gaps(first, second, along[rows])
+        k = int(gaps.argmax())
+        if gaps[k] > above:
+            above, best = float(gaps[k]), along[rows[k]]
+    return None if best is None else (above, best)
 
 
 def separating_directions(
