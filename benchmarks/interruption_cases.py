@@ -102,7 +102,7 @@ place:
   - studies.placement:plan studies.placement:tried
   - a.jsonl
 route:
-  - route example:two_link/through_the_gap --tries 1 --samples 200 -o OUT/a.yaml
+  - route example:two_link/through_the_gap --edges 400 --samples 200 -o OUT/a.yaml
     --measured OUT/b.yaml
   - a.yaml b.yaml
   - cli.tubes:find_route

@@ -19,7 +19,7 @@ _NOT_COPIED = (".git", ".venv", "output", ".*_cache", ".hypothesis", ".coverage*
 _PACKAGE_OUTPUT = Path("src/tubeplanner/output")  # no results, though of their folder's name
 # Tests run in forks of a process that has the libraries, but nothing of the package.
 _LIBRARIES = (
-    *("click", "coal", "fcl", "hypothesis", "lazy_loader", "numpy.polynomial", "ompl"),
+    *("click", "coal", "fcl", "hypothesis", "lazy_loader", "numpy.polynomial"),
     *("pinocchio", "piqp", "pydantic", "pytest", "ruamel.yaml", "scipy.interpolate"),
     *("scipy.optimize", "scipy.sparse.linalg", "scipy.spatial.transform", "scipy.special"),
     *("toppra", "trimesh", "yourdfpy"),

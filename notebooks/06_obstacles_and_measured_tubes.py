@@ -144,7 +144,7 @@ print("suggested:", survey.suggested)
 # ## From start and goal alone
 #
 # The paper does not say where tubes come from. Here the arm reaches into one gap, has to fold to
-# leave it, and reaches into another gap. OMPL finds routes. `find_route` turns the path of the tool
+# leave it, and reaches into another gap. `find_route` finds routes, turns the path of the tool
 # into a few reference points and measures the tube around them.
 
 # %%

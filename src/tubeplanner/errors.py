@@ -101,7 +101,6 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
 # By the name of the extra in pyproject.toml.
 REQUIREMENTS = {
     "dask": "distributed>=2024.1",
-    "route": "ompl>=2.0",
     "simulate": "mujoco>=3.2.7",
     "xacro": "xacro>=2.1",
 }

@@ -141,7 +141,7 @@ def test_measure_writes_the_changed_file(run, tmp_path):
     assert load_problem(target).clearance == 0.01
 
 
-@pytest.mark.dear("loads OMPL and looks for a route")
+@pytest.mark.dear("looks for a route and measures it")
 def test_route_writes_the_changed_file(run, tmp_path):
     fields = {
         "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
@@ -150,7 +150,7 @@ def test_route_writes_the_changed_file(run, tmp_path):
     }
     source, target = tmp_path / "cell.json", tmp_path / "tube.json"
     source.write_text(json.dumps(fields))
-    words = ("--tries", "1", "--samples", "200", "--max-radius", "0.05")
+    words = ("--edges", "400", "--samples", "200", "--max-radius", "0.05")
     changes = ("--set", "robot.payload.mass=2", "--set", "goal.joints.0=0.7")
     status, _, err = run("route", source, "-o", target, *words, *changes)
     assert (status, err) == (0, "")

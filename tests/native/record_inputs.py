@@ -21,7 +21,7 @@ PLANS = ("example:two_link/around_a_post", "example:ur5/over_the_wall")
 MAX_CALLS = 3  # of a function and number of joints or the like
 MAX_BYTES = {"program": 150_000, "call": 50_000}
 # Arrays that a function reads before it writes to them, or may leave as they are.
-ALSO_READ = {"direction", "bound", "changes", "q"}
+ALSO_READ = {"direction", "bound", "changes", "order", "q"}
 LEFT = {"near_rows": ("control", "switching"), "compressed_rows": ("column", "value")}
 ALWAYS_LEFT = ("centers",)
 SHAPES = (("body", 1), ("begin", 1), ("size", 1), ("points", 0), ("radius", 1), ("center", 3))
@@ -128,10 +128,14 @@ def packed_shapes(address):
 
 def plan_problems_and_measure_a_tube():
     from tubeplanner import PlanOptions, load_problem, measure_tube, plan
+    from tubeplanner.first_guess.joint_routes import RouteSearch
 
     for name in PLANS:
         assert plan(load_problem(name), PlanOptions(quality="fast")).succeeded
     assert measure_tube(load_problem(PLANS[0])).succeeded
+    problem = load_problem("example:two_link/through_the_gap", reads_tube=False)
+    search = RouteSearch(problem, problem.start, problem.goal[None])
+    assert next(search.routes(1, 1000), None) is not None
 
 
 def no_samples():

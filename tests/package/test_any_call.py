@@ -179,7 +179,7 @@ def test_any_arguments_are_taken_or_refused(name, data):
 @pytest.mark.parametrize(
     ("name", "argument", "value", "message"),
     [
-        ("plan", "options", t.RouteOptions(), "options are RouteOptions(seed=1, tries=3"),
+        ("plan", "options", t.RouteOptions(), "options are RouteOptions(seed=1, edges=300000"),
         ("plan", "progress", 5, "progress is 5; give a function, which is called with every stage"),
         ("planned_many", "problems", FILE, f"problems are '{FILE}'; give a list or a generator"),
         ("planned_many", "executor", [], "executor is []; give one of concurrent.futures"),

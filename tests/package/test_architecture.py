@@ -32,7 +32,6 @@ KNOWS = {
     "toppra": {"first_guess"},
     "yaml": {"documents.py"},
     "mujoco": {"execution"},
-    "ompl": {"studies"},
     "distributed": {"studies"},
     "xacro": {"robot"},
     "pydantic": {"fields.py", "robot", "task", "studies"},
@@ -98,7 +97,7 @@ def test_a_command_loads_no_library_that_it_can_do_without(command, parts, bundl
     files = [str(stored_path(name, REFINEMENT))] * (command == "check")
     words = [command, f"example:{name}", *files]
     (loaded,) = loaded_after(f"from tubeplanner.cli.main import main; assert main({words}) == 0")
-    never = {"trimesh", "matplotlib", "meshcat", "ruamel", "toppra", "ompl"}
+    never = {"trimesh", "matplotlib", "meshcat", "ruamel", "toppra"}
     assert loaded & never == set()
     of_scipy = {module.split(".")[1] for module in loaded if module.startswith("scipy.")}
     assert {part for part in of_scipy if not part.startswith("_")} == parts

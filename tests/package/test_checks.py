@@ -28,7 +28,7 @@ from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
         (PlanOptions, {"candidate_points": None}, "candidate_points is None; .* >= 2 and <= 1000"),
         (PlanOptions, {"suh_bishop": 3}, "suh_bishop is 3; it must be SuhBishopOptions"),
         (MeasureOptions, {"max_radius": "wide"}, "max_radius is 'wide'; it must be a number > 0"),
-        (RouteOptions, {"tries": "3"}, "tries is '3'; it must be a whole number >= 1"),
+        (RouteOptions, {"edges": "3"}, "edges is '3'; it must be a whole number >= 1"),
         (RouteOptions, {"band": 1j}, "band is 1j; it must be a number > 0 and finite"),
         (TeachOptions, {"deviation": None}, "deviation is None; it must be a number > 0"),
         (TeachOptions, {"samples": 0}, "samples is 0; it must be >= 1"),

@@ -52,9 +52,9 @@ def test_requirements_are_those_of_the_extras(extra):
 
 
 def test_a_checkout_stays_one():
-    assert not_installed("route", "finding a route", "OMPL 2") == (
-        "finding a route takes OMPL 2, which is not installed: "
-        f"pip install -e '.[route]' in {CHECKOUT}"
+    assert not_installed("simulate", "simulating", "MuJoCo 3") == (
+        "simulating takes MuJoCo 3, which is not installed: "
+        f"pip install -e '.[simulate]' in {CHECKOUT}"
     )
 
 

@@ -24,7 +24,6 @@ from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.studies.tubes.measurement import PatternSurvey, measure_tube, survey_patterns
 from tubeplanner.studies.tubes.planned_tube import PlannedTube, TubeAnswer
 from tubeplanner.studies.tubes.route import RouteOptions, find_route
-from tubeplanner.studies.tubes.routes import require_ompl
 from tubeplanner.studies.tubes.segment_measurement import (
     MeasureOptions,
     SegmentMeasurement,
@@ -123,9 +122,8 @@ def _compare(problem: str, options: MeasureOptions, changes: dict[str, Any], as_
 @click.argument("problem")
 @_OUTPUT
 @_SEED
-@click.option("--tries", type=int, default=3, show_default=True, help="Searches for each margin.")
 @click.option(
-    "--checks", type=int, default=20_000, show_default=True, help="Configurations per search."
+    "--edges", type=int, default=300_000, show_default=True, help="Edges that the search tests."
 )
 @_MAX_RADIUS
 @_SAMPLES
@@ -141,8 +139,7 @@ def route(
     problem: str,
     output: Path | None,
     seed: int,
-    tries: int,
-    checks: int,
+    edges: int,
     max_radius: float,
     samples: int,
     time_limit: float | None,
@@ -157,10 +154,9 @@ def route(
     which was measured.
     """
     options = RouteOptions(
-        seed, tries, checks, max_radius=max_radius, samples=samples, time_limit=time_limit
+        seed, edges, max_radius=max_radius, samples=samples, time_limit=time_limit
     )
     _require_none_of(changes, ("tube",), "route")
-    require_ompl()
     files = console.OutputFiles(
         console.Request("problem", output, "-o PROBLEM.yaml"),
         console.Request("measured", measured),

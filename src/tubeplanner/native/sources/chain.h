@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "numerics.h"
+#include "vectors3.h"
 
 // What carries a body, as rows of a table of doubles.
 struct Joint {
@@ -21,12 +22,6 @@ struct Joint {
 // Return row `row` of a matrix (., 3) times a vector.
 inline double times(const double* matrix, int row, const double* v) {
     return matrix[3 * row] * v[0] + matrix[3 * row + 1] * v[1] + matrix[3 * row + 2] * v[2];
-}
-
-inline void cross(const double* a, const double* b, double* product) {
-    product[0] = a[1] * b[2] - a[2] * b[1];
-    product[1] = a[2] * b[0] - a[0] * b[2];
-    product[2] = a[0] * b[1] - a[1] * b[0];
 }
 
 // Set the pose of a joint's body from that of the body that carries it.

@@ -11,6 +11,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import FormerName
+from tubeplanner.first_guess.joint_routes import FreeSpace
 from tubeplanner.orientation import quaternion_of_matrix
 from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, StoppedBy
 from tubeplanner.planning.options import PlanOptions
@@ -19,7 +20,6 @@ from tubeplanner.planning.second_stage import followed_plan
 from tubeplanner.planning.strategy import plan
 from tubeplanner.studies.tubes.measurement import measured_tube
 from tubeplanner.studies.tubes.routes import (
-    FreeSpace,
     ToolCorners,
     reference_tube,
     with_another_corner,

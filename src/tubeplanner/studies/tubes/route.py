@@ -1,6 +1,7 @@
 """Find_route: a tube from start, goal and obstacles."""
 
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from tubeplanner.checks import checked_options, require_between, require_count
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import configured_ends
 from tubeplanner.first_guess.inverse_kinematics import solve_position
+from tubeplanner.first_guess.joint_routes import FreeSpace, RouteSearch
 from tubeplanner.outcome import (
     Infeasible,
     Location,
@@ -32,10 +34,7 @@ from tubeplanner.studies.tubes.planned_tube import (
     plan_under,
 )
 from tubeplanner.studies.tubes.routes import (
-    FreeSpace,
-    RouteSearch,
     ToolCorners,
-    require_ompl,
     tool_corners,
 )
 from tubeplanner.studies.tubes.segment_measurement import samples_of
@@ -61,8 +60,7 @@ class RouteOptions:
 
     Attributes:
         seed: Of all random numbers, >= 1; the same seed gives the same answer.
-        tries: Number of routes to search for with each distance from obstacles.
-        checks: Number of configurations that a try tests before it gives up.
+        edges: Number of straight edges between configurations that the search tests at most.
         band: Width by which joints may leave the route's ranges, before measuring [rad or m].
         max_radius: Largest radius of a segment [m].
         samples: Number of configurations of a segment in the last counterexample search.
@@ -70,15 +68,14 @@ class RouteOptions:
     """
 
     seed: int = 1
-    tries: int = 3
-    checks: int = 20_000
+    edges: int = 300_000
     band: float = 0.4
     max_radius: float = 0.2
     samples: int = 2_000
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        require_count(self, 1, "seed", "tries", "checks", "samples")
+        require_count(self, 1, "seed", "edges", "samples")
         require_between(self, 0, np.inf, "band")
         require_between(self, 0, np.inf, "max_radius", unit="m")
         if self.time_limit is not None:
@@ -108,7 +105,7 @@ def find_route(
         progress: Called as each stage begins, with the duration of the best trajectory so far.
 
     Raises:
-        OptionError: OMPL is not installed, or an argument is of another kind.
+        OptionError: An argument is of another kind.
         ProblemError: The problem is none, or its start is given by a seed.
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
@@ -117,7 +114,6 @@ def find_route(
     require_callback(progress)
     if problem.endpoints[0].kind == "seed":
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
-    require_ompl()
     try:
         problem, notes = configured_ends(problem)
     except Infeasible as reason:
@@ -274,10 +270,9 @@ class _RouteFinder:
 
 # ---- Routes from start to goal: each search finds another.
 
-# Distance kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow passages are
-# short.
+_MAX_ROUTES = 6
+# Distances beyond the clearance at which optimisation alone looks for a trajectory [m].
 _MARGINS = (0.03, 0.01)
-_MIN_MARGIN = 0.002  # where there is no route with more
 _FRACTION_OF_TIME = 0.3  # of a time limit, after which no more routes are searched if there is one
 
 
@@ -298,30 +293,24 @@ def route_candidates(
         TimeLimitReached: The time limit passed before a route was found.
     """
     candidates: list[RouteCandidate] = []
-    ends = np.vstack([start, goals])
-    for margin in (*_MARGINS, _MIN_MARGIN):
-        if candidates and margin == _MIN_MARGIN:
-            break
-        space = FreeSpace(problem, margin, ends)
-        search = RouteSearch(space, start, goals)
-        for k in range(options.tries):
-            clock.enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
-            route = search.route(options.seed + k, options.checks, lambda: clock.remaining <= 0)
-            candidates += _candidates(space, route)
-            if candidates and clock.used > _FRACTION_OF_TIME:
-                return sorted(candidates, key=lambda candidate: candidate.joint_time)
+    search = RouteSearch(problem, start, goals)
+    space = FreeSpace(problem, 0.0, np.vstack([start, goals]))
+    clock.enter("searching for routes")
+    routes = search.routes(options.seed, options.edges, lambda: clock.remaining <= 0)
+    for route in islice(routes, _MAX_ROUTES):
+        candidates += _candidates(space, route)
+        if candidates and clock.used > _FRACTION_OF_TIME:
+            return sorted(candidates, key=lambda candidate: candidate.joint_time)
     if not candidates:
         clock.check()
         tool = problem.robot.tool_position(search.reached[None])[0]
         x, y, z = tool
         message = (
-            f"no route was found in {options.tries * (1 + len(_MARGINS))} tries of "
-            f"{options.checks} configurations; the last one brought the tool to [{x:.3f}, {y:.3f}, "
-            f"{z:.3f}] m: move what is in the way, choose another goal configuration, or give it "
-            "more tries or checks"
+            f"no route was found by {search.edges} edges; the last search brought the tool to "
+            f"[{x:.3f}, {y:.3f}, {z:.3f}] m: move what is in the way, choose another goal "
+            "configuration, or give it more edges"
         )
         raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location().at(tool))
-    space = FreeSpace(problem, _MIN_MARGIN, ends)
     for margin in _MARGINS:
         clock.enter(f"a trajectory without a route, {1000 * margin:g} mm from obstacles")
         wider = replace(problem.farther_apart(margin), goal=goals[0])

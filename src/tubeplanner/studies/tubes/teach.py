@@ -10,6 +10,7 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.certificate.refusal import require_free
 from tubeplanner.checks import checked_options, require_between, require_count
 from tubeplanner.errors import OptionError, TrajectoryError, shown
+from tubeplanner.first_guess.joint_routes import FreeSpace
 from tubeplanner.geometry.tube.points import simplified
 from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, ProgressCallback
 from tubeplanner.robot.model import RobotModel
@@ -22,7 +23,7 @@ from tubeplanner.studies.tubes.planned_tube import (
     measure_options,
     measured_plan,
 )
-from tubeplanner.studies.tubes.routes import FreeSpace, ToolCorners, tool_corners
+from tubeplanner.studies.tubes.routes import ToolCorners, tool_corners
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- A tube from a recorded trail: its corners, and its joints' ranges between them.
