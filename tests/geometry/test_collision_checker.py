@@ -1,5 +1,6 @@
 """Which pairs of links and obstacles are checked: for what they are, not for their covers."""
 
+import pickle
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +16,8 @@ from tubeplanner import (
     AttachedSolid,
     LimitOverrides,
     Obstacle,
+    PlanningProblem,
+    Tube,
     load_problem,
     load_robot,
     parse_problem,
@@ -298,3 +301,44 @@ def test_an_arm_with_other_limits_meets_the_same_scene(scene):
 )
 def test_with_anything_else_it_is_another_scene(scene, changes):
     assert not scene.is_as(replace(scene, **changes))
+
+
+def ring_and_rod(folder):
+    """Return an arm whose last link, a rod, slides and turns in its first, a ring, or far away."""
+    trimesh.creation.annulus(0.1, 0.2, 0.05, sections=16).export(folder / "ring.stl")
+    far = '<limit lower="-9" upper="9" effort="50" velocity="3"/>'
+    return loaded(
+        folder,
+        solid_link("ring", '<mesh filename="ring.stl"/>'),
+        solid_link("middle", '<sphere radius="0.01"/>', '<origin xyz="0 0 1"/>'),
+        solid_link("rod", '<cylinder radius="0.02" length="0.3"/>'),
+        joint("one", "ring", "middle", "prismatic", axis="1 0 0", limit=far),
+        joint("two", "middle", "rod"),
+        tool="rod",
+    )
+
+
+def test_an_end_where_covers_alone_overlap_is_free_by_closer_ones(tmp_path):
+    robot, tube = ring_and_rod(tmp_path), Tube([[0, 0, 0], [0.05, 0, 0]], radius=0.02)
+    assert not CollisionChecker(robot).closer_covers
+    result = plan(PlanningProblem(robot, tube, [0.0, 0.0], [0.05, 1.0]), SHORTEST)
+    assert result.succeeded, result.message
+    assert result.certificate.conditions["self_collision"].margin > 0.02
+    tube = Tube([[0, 0, 0], [0.1, 0, 0]], radius=0.02)
+    result = plan(PlanningProblem(robot, tube, [0.0, 0.0], [0.1, 0.0]), SHORTEST)
+    assert "ring and rod overlap by 20.0 mm in the goal configuration" in result.message
+
+
+def test_a_scene_has_closer_covers_for_the_configurations_that_need_them(tmp_path):
+    usual = CollisionScene(ring_and_rod(tmp_path), (), (), True, ())
+    away, inside = [3.0, 0.0], [0.02, 0.5]
+    assert usual.free_at([away]) is usual.free_at([]) is usual
+    closer = usual.free_at([away, inside])
+    assert set(closer.checker.closer_covers) == {"ring", "rod"}
+    assert usual.free_at([inside]) is closer.free_at([inside]) is closer
+    assert closer.free_at([away]) is usual
+    sent = pickle.dumps(closer)
+    for file in tmp_path.iterdir():
+        file.unlink()
+    there = pickle.loads(sent)
+    assert there.free_at([inside]) is there

@@ -1,7 +1,7 @@
 """CollisionChecker: pairs of links and obstacles, distances, cover errors of links."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Any, NamedTuple, TypeAlias
@@ -45,7 +45,8 @@ class CollisionChecker(BodyShapes):
 
     Left out are links that no joint moves against obstacles and each other, links on the same or on
     neighbouring bodies, link pairs that always touch, and the pairs that the problem ignores. Pairs
-    of links whose usual covers overlap where the links do not are judged by closer covers.
+    of links whose usual covers overlap where the links do not are judged by closer covers, if that
+    is often or in a configuration that the arm has to have.
 
     Attributes:
         robot: The arm.
@@ -69,6 +70,7 @@ class CollisionChecker(BodyShapes):
         attached: Sequence[AttachedSolid] = (),
         self_collision: bool = True,
         ignore: Sequence[Pair] = (),
+        ends: Sequence[FloatArray] = (),
     ) -> None:
         """Build the geometry.
 
@@ -78,6 +80,7 @@ class CollisionChecker(BodyShapes):
             attached: Solids in the tool frame; they count as links.
             self_collision: Whether links are checked against each other.
             ignore: Pairs of names of links or obstacles that may touch.
+            ends: Configurations (n,) in which no pair of links is to overlap by its covers alone.
 
         Raises:
             ProblemError: Two solids or a solid and a link have one name, or an ignored name does
@@ -120,7 +123,7 @@ class CollisionChecker(BodyShapes):
         always_touching: Sequence[Pair] = ()
         if self_collision:
             candidates = self._select(combinations(moving, 2))
-            always_touching = self._judge_links(alone, parts, covers, candidates)
+            always_touching = self._judge_links(alone, parts, covers, candidates, ends)
         self.pairs = np.concatenate([self.obstacle_pairs, self.link_pairs])
         self.left_out = self._left_out(always_touching, self_collision)
 
@@ -170,7 +173,12 @@ class CollisionChecker(BodyShapes):
         return _as_pairs(result)
 
     def _judge_links(
-        self, alone: RobotModel, parts: LinkParts, covers: LinkCovers, candidates: IntArray
+        self,
+        alone: RobotModel,
+        parts: LinkParts,
+        covers: LinkCovers,
+        candidates: IntArray,
+        ends: Sequence[FloatArray],
     ) -> Sequence[Pair]:
         """Set the pairs of links that are checked, and return the pairs that always touch.
 
@@ -178,7 +186,7 @@ class CollisionChecker(BodyShapes):
         """
         owners = [(self.shapes[i].owner, self.shapes[j].owner) for i, j in candidates]
         pairs = [pair for pair in dict.fromkeys(owners) if not {*pair} & self._attached_names]
-        judged = _judged_pairs(alone, parts, covers, pairs)
+        judged = _judged_pairs(alone, parts, covers, pairs, ends)
         without = {*judged.always_touching, *judged.refined}
         fine = _link_shapes(self.robot, {link: cover.shapes for link, cover in judged.fine.items()})
         self.closer_covers = judged.fine
@@ -259,6 +267,10 @@ class CollisionScene:
     attached: tuple[AttachedSolid, ...]
     self_collision: bool
     ignore: tuple[Pair, ...]
+    # configurations (n,) in which usual covers of links overlap, and the scene with usual covers;
+    # that scene itself has neither
+    ends: tuple[FloatArray, ...] = ()
+    usual: "CollisionScene | None" = None
 
     @cached_property
     def checker(self) -> CollisionChecker:
@@ -269,15 +281,40 @@ class CollisionScene:
             attached=self.attached,
             self_collision=self.self_collision,
             ignore=self.ignore,
+            ends=self.ends,
         )
+
+    def free_at(self, configurations: Sequence[FloatArray]) -> "CollisionScene":
+        """Return the scene with closer covers of links that overlap by usual covers alone.
+
+        Links of which no covers overlap in the configurations (n,) have the usual ones.
+        """
+        usual = self.usual or self
+        checker, q = usual.checker, np.array(configurations).reshape(-1, self.robot.joint_count)
+        known = np.full((len(q), len(checker.link_pairs)), -np.inf)
+        near = checker.near_distances(q, checker.link_pairs, np.zeros(known.shape), known) < 0
+        ends = q[near.any(axis=1)]
+        if np.array_equal(ends, np.array(self.ends).reshape(-1, q.shape[1])):
+            return self
+        if len(ends) == 0:
+            return usual
+        key = ends.tobytes()
+        if key not in usual._closer:
+            usual._closer[key] = replace(usual, ends=tuple(ends), usual=usual)
+        return usual._closer[key]
+
+    @cached_property
+    def _closer(self) -> "dict[bytes, CollisionScene]":
+        """The scenes with closer covers, by the bits of their `ends`."""
+        return {}
 
     def __getstate__(self) -> dict[str, Any]:
         _ = self.checker  # built from files now: where the pickle goes, there may be none
-        return dict(vars(self))
+        return {name: value for name, value in vars(self).items() if name != "_closer"}
 
     def is_as(self, other: "CollisionScene") -> bool:
         """Return True if another scene is made of the same objects, the arm with any limits."""
-        others = (f.name for f in fields(self) if f.name != "robot")
+        others = (f.name for f in fields(self) if f.name not in ("robot", "ends", "usual"))
         same = all(getattr(self, name) is getattr(other, name) for name in others)
         return same and self.robot.moves_as(other.robot)
 
@@ -354,25 +391,32 @@ class _LinkPairs(NamedTuple):
 
 
 def _judged_pairs(
-    robot: RobotModel, parts: LinkParts, covers: LinkCovers, pairs: Sequence[Pair]
+    robot: RobotModel,
+    parts: LinkParts,
+    covers: LinkCovers,
+    pairs: Sequence[Pair],
+    ends: Sequence[FloatArray] = (),
 ) -> _LinkPairs:
     """Return the pairs of links that always touch, and closer covers where they are needed.
 
-    Covers are the usual ones, in the frames of the bodies; joints move the pairs apart.
+    Covers are the usual ones, in the frames of the bodies; joints move the pairs apart. `ends` are
+    configurations (n,) in which covers must not overlap where the links do not.
     """
     if not pairs:
         return _LinkPairs((), (), {})
 
     def computed() -> Arrays:
-        return _as_arrays(_LinkJudge(robot, parts, covers).judged(pairs))
+        return _as_arrays(_LinkJudge(robot, parts, covers, ends).judged(pairs))
 
-    return _of_arrays(cached("pairs", _key(robot, parts, pairs), computed))
+    return _of_arrays(cached("pairs", _key(robot, parts, pairs, ends), computed))
 
 
 class _LinkJudge:
-    """Links in random configurations, by their elements and their usual covers."""
+    """Links in random configurations, by their elements and their usual covers; then at ends."""
 
-    def __init__(self, robot: RobotModel, parts: LinkParts, covers: LinkCovers) -> None:
+    def __init__(
+        self, robot: RobotModel, parts: LinkParts, covers: LinkCovers, ends: Sequence[FloatArray]
+    ) -> None:
         self._robot, self._parts = robot, parts
         shapes: list[BodyShape] = []
         self._indices: dict[str, range] = {}
@@ -380,7 +424,8 @@ class _LinkJudge:
             self._indices[link] = range(len(shapes), len(shapes) + len(cover))
             shapes += [BodyShape(link, robot.link_body[link], shape) for shape in cover]
         self._covers = BodyShapes(robot, shapes)
-        self._rotation, self._position = robot.body_poses(_random_configurations(robot))
+        configurations = np.vstack([_random_configurations(robot), *ends])
+        self._rotation, self._position = robot.body_poses(configurations)
         self._surfaces: dict[str, FloatArray] = {}
 
     def judged(self, pairs: Sequence[Pair]) -> _LinkPairs:
@@ -391,8 +436,8 @@ class _LinkJudge:
         for pair in pairs:
             if pair in touching:
                 continue
-            apart = self._falsely_overlapping(pair)
-            if len(apart) > _FALSE_FRACTION * _FALSE_SAMPLES:
+            apart = [*self._often_overlapping(pair), *self._overlapping_at_ends(pair)]
+            if apart:
                 refined.append(pair)
                 for link, other in (pair, pair[::-1]):
                     points = self._surface_points(other)
@@ -412,15 +457,14 @@ class _LinkJudge:
             return False
         return all(self._touch(pair, k) for k in range(TOUCH_SAMPLES))
 
-    def _falsely_overlapping(self, pair: Pair) -> IntArray:
-        """Return the first configurations with overlap of covers alone, at most `_PROBED`."""
+    def _often_overlapping(self, pair: Pair) -> list[int]:
+        """Return samples with overlap of covers alone, at most `_PROBED`; none if they are few."""
         indices = self._pairs_of(pair)
         spheres = self._covers.gaps_of_spheres(self._centers[:_FALSE_SAMPLES], indices)
         near = np.flatnonzero((spheres <= 0).any(axis=1)).tolist()
+        few = _FALSE_FRACTION * _FALSE_SAMPLES
         result: list[int] = []
-        if len(near) <= _FALSE_FRACTION * _FALSE_SAMPLES:  # too few to matter
-            near = []
-        for k in near:
+        for k in near if len(near) > few else ():
             # The shapes that most likely overlap come first.
             gaps = self._covers.gaps_of_spheres(self._centers[k, None], indices)[0]
             likely = indices[np.argsort(gaps)[: int((gaps <= 0).sum())]]
@@ -429,7 +473,16 @@ class _LinkJudge:
                 result.append(k)
             if len(result) == _PROBED:
                 break
-        return np.array(result, dtype=np.int64)
+        return result if len(result) > few else []
+
+    def _overlapping_at_ends(self, pair: Pair) -> list[int]:
+        """Return the ends, which come after the samples, with overlap of covers alone."""
+        indices, result = self._pairs_of(pair), []
+        for k in range(TOUCH_SAMPLES, len(self._rotation)):
+            distance = self._covers.distances(self._rotation[k], self._position[k], indices)
+            if distance.min() < 0 and not self._touch(pair, k, filled=True):
+                result.append(k)
+        return result
 
     def _touch(self, pair: Pair, sample: int, *, filled: bool = False) -> bool:
         """Return True if solids touch for certain, or `filled`: as covers have them at best."""
@@ -480,12 +533,14 @@ class _LinkJudge:
         return np.array([(i, j) for i in first for j in second], dtype=np.int64)
 
 
-def _key(robot: RobotModel, parts: LinkParts, pairs: Sequence[Pair]) -> str | None:
+def _key(
+    robot: RobotModel, parts: LinkParts, pairs: Sequence[Pair], ends: Sequence[FloatArray]
+) -> str | None:
     """Return a hash of everything that the judgement depends on; None if a mesh has no hash."""
     if any(part.mesh and part.mesh.key is None for own in parts.values() for part in own):
         return None
     configurations = _random_configurations(robot)
-    contents: list[str | FloatArray] = [configurations]
+    contents: list[str | FloatArray] = [configurations, *ends]
     contents += robot.body_poses(configurations[:_TELLING])
     for link, own in parts.items():
         contents += [link, str(robot.link_body[link])]

@@ -179,10 +179,16 @@ class PlanningProblem:
         """Checker of the robot's links and the obstacles."""
         return self.scene.checker
 
-    @property
+    @cached_property
     def scene(self) -> CollisionScene:
-        """Robot and solids; problems that differ in tube, start or goal alone share the scene."""
+        """Robot and solids; problems that differ in tube, start or goal alone share the scene.
+
+        Where covers of links overlap in a configuration of start or goal, closer ones are tried,
+        since every motion has that configuration.
+        """
         assert self._scene is not None
+        ends = [end.joints for end in self.endpoints if end.joints is not None]
+        self._keep("_scene", self._scene.free_at(ends))
         return self._scene
 
     @cached_property
