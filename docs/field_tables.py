@@ -21,7 +21,7 @@ def problem_fields(schema: dict[str, Any]) -> str:
     Args:
         schema: The JSON schema of the problem file.
     """
-    titles = {name: ", ".join(paths) for name, paths in _section_paths(schema).items()}
+    titles = _problem_titles(schema)
     links = {name: f"#{heading_anchor(title)}" for name, title in titles.items()}
     return _sections(schema, titles, links)
 
@@ -33,7 +33,7 @@ def further_fields(schema: dict[str, Any], problem: dict[str, Any]) -> str:
         schema: The JSON schema of the file.
         problem: The JSON schema of the problem file; its sections are links to its page.
     """
-    shared = {name: ", ".join(paths) for name, paths in _section_paths(problem).items()}
+    shared = _problem_titles(problem)
     found = _section_paths(schema)
     titles = {name: _title(name, found) for name in found if name not in shared}
     links = {name: f"{_PROBLEM_PAGE}#{heading_anchor(path)}" for name, path in shared.items()}
@@ -61,6 +61,15 @@ def _section_paths(schema: dict[str, Any]) -> dict[str, list[str]]:
 
     add(schema, "")
     return paths
+
+
+def _problem_titles(schema: dict[str, Any]) -> dict[str, str]:
+    """Return the heading of each section: its paths, or its own word where they are taken."""
+    titles: dict[str, str] = {}
+    for name, paths in _section_paths(schema).items():
+        title = ", ".join(paths)
+        titles[name] = name.removesuffix("Fields").lower() if title in titles.values() else title
+    return titles
 
 
 def _title(name: str, paths: dict[str, list[str]]) -> str:

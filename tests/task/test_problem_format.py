@@ -133,7 +133,9 @@ TUBE = (
     "points, cross_section, radius, tool_radius, joint_signs, orientations, rotation_tolerance, "
     "tool_speed, visit, pass_through_points"
 )
-OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
+OBSTACLE = (
+    "name, box, sphere, cylinder, capsule, mesh, points, size, scale, position, rpy, quaternion"
+)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from errno import ENOSPC
 from importlib import import_module
 from importlib.util import find_spec
+from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,9 @@ class _LazyCommands(UserDict[str, Any]):
 
     def __getitem__(self, name: str) -> click.Command:
         command = self.data[name]
-        return getattr(import_module(command), name) if isinstance(command, str) else command
+        if not isinstance(command, str):
+            return command
+        return getattr(import_module(command), _function_of(name))
 
     def help_of(self, name: str) -> str:
         """Return the help text of a command, without an import of its module."""
@@ -88,7 +91,13 @@ class _LazyCommands(UserDict[str, Any]):
         assert spec is not None and spec.origin is not None
         tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
         functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
-        return next(ast.get_docstring(each) or "" for each in functions if each.name == name)
+        own = _function_of(name)
+        return next(ast.get_docstring(each) or "" for each in functions if each.name == own)
+
+
+def _function_of(command: str) -> str:
+    """Return the name of the function of a command: `import` is none in Python."""
+    return f"{command}_" if iskeyword(command) else command
 
 
 class _LazyGroup(click.Group):
@@ -120,6 +129,7 @@ _OWN = [
     "view",
 ]
 _SHARED = {"links": "info", "plot": "view", "measure": "tubes", "route": "tubes", "teach": "tubes"}
+_SHARED |= {"import": "init"}
 _MODULES = {name: name for name in _OWN} | _SHARED
 
 

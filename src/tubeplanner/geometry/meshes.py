@@ -18,7 +18,7 @@ import numpy as np
 import platformdirs
 
 from tubeplanner import __version__
-from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.documents import DocumentError, read_bytes, require_regular
 from tubeplanner.errors import RobotError, shown
 from tubeplanner.geometry.convex_shapes import ConvexShape, Thinning, convex_hull, hull
@@ -91,9 +91,16 @@ def load_mesh(
             f"{owner}: mesh {path} is no readable {path.suffix[1:].upper()} file; export it "
             f"again ({shown(str(error), _MAX_REASON)})"
         ) from error
+    return _sound_mesh(f"{owner}: mesh {path}", loaded, unit, scale)
+
+
+def _sound_mesh(
+    label: str, loaded: Any, unit: float, scale: float | Sequence[float] | None
+) -> "trimesh.Trimesh":
+    """Return loaded triangles with each once, in a unit [m], scaled along all axes."""
     fault = _fault(loaded, unit * np.asarray(1.0 if scale is None else scale, dtype=float))
     if fault is not None:
-        raise RobotError(f"{owner}: mesh {path} {fault}; export it again")
+        raise RobotError(f"{label} {fault}; export it again")
     loaded.process()
     # Equal triangles, whose corners go round in the same order, obstruct searches for the nearest,
     # and count twice in winding numbers: the first of them stays.
@@ -323,6 +330,8 @@ class MeshFile:
     owner: str  # link or obstacle, in messages
     path: Path  # STL, OBJ, DAE or another format that trimesh reads
     scale: float | Sequence[float] | None = None  # a factor, or a factor per axis; None: 1
+    # vertices (V, 3) [m] and vertex indices (F, 3), in place of the contents of a file
+    triangles: tuple[FloatArray, IntArray] | None = None
 
     @cached_property
     def key(self) -> str | None:
@@ -330,14 +339,23 @@ class MeshFile:
 
         None also of an unreadable file.
         """
+        scale = np.array([1.0 if self.scale is None else self.scale], dtype=np.float64)
+        if self.triangles is not None:
+            return content_hash([*self.triangles, scale])
         if self.path.suffix.lower() not in _SELF_CONTAINED:
             return None
         try:
             content = read_bytes(self.path, _MAX_BYTES)
         except DocumentError:
             return None  # reading the mesh says what is wrong
-        scale = np.array([1.0 if self.scale is None else self.scale], dtype=np.float64)
         return content_hash([content, self.path.suffix.lower(), scale])
+
+    @property
+    def bytes_hash(self) -> str:
+        """A hash of the file's bytes, or of the triangles."""
+        if self.triangles is not None:
+            return content_hash(self.triangles)
+        return hashlib.sha256(self.path.read_bytes()).hexdigest()
 
     @cached_property
     def solid(self) -> MeshSolid:
@@ -396,7 +414,12 @@ class MeshFile:
 
     @cached_property
     def _mesh(self) -> Any:
-        return load_mesh(self.owner, self.path, self.scale)
+        if self.triangles is None:
+            return load_mesh(self.owner, self.path, self.scale)
+        import trimesh
+
+        mesh = trimesh.Trimesh(*self.triangles, process=False)
+        return _sound_mesh(f"{self.owner}: mesh", mesh, 1.0, self.scale)
 
     def _filled(self, solid: MeshSolid) -> Any:
         """Return the mesh with its openings closed as in a solid."""

@@ -1,17 +1,17 @@
 """Obstacle and AttachedSolid: placement, contents, hand-over between cell and tool."""
 
-import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.checks import are_numbers, in_figures, is_number
+from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.checks import are_numbers, checked_path, in_figures, is_number
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.geometry.convex_shapes import ConvexShape, extent_of, simple_shape
 from tubeplanner.geometry.meshes import MeshFile
+from tubeplanner.geometry.point_clouds import read_point_cloud
 from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
 from tubeplanner.text import require_name
 
@@ -22,12 +22,13 @@ from tubeplanner.text import require_name
 class SolidContents:
     """The source of a solid. It pickles by content, without any file."""
 
-    kind: str  # "box", "sphere", "cylinder", "capsule" or "mesh"
-    # side lengths, radius, or radius and length [m]; of a mesh its scale along each axis
+    kind: str  # "box", "sphere", "cylinder", "capsule", "mesh" or "points"
+    # side lengths, radius, or radius and length [m]; of a mesh its scale along each axis; of points
+    # the side of their boxes [m]
     sizes: tuple[float, ...]
     placement: FloatArray  # pose in the user's frame, shape (4, 4)
-    mesh_hash: str = ""  # of the bytes of its mesh file; empty for other kinds
-    path: Path | None = None  # the mesh file, which need not exist any more; None for other kinds
+    mesh_hash: str = ""  # of the bytes of its file of a mesh or points; empty for other kinds
+    path: Path | None = None  # that file, which need not exist any more; None for other kinds
     open_edges: int = 0  # number of edges at which the mesh is open or wound both ways
 
 
@@ -44,9 +45,8 @@ def mesh_contents(mesh: MeshFile, scale: Iterable[float], placement: FloatArray)
         RobotError: It is no readable mesh.
     """
     open_edges = mesh.open_edges()  # first: it says what is wrong with a file
-    mesh_hash = hashlib.sha256(mesh.path.read_bytes()).hexdigest()
     factors, pose = tuple(float(factor) for factor in scale), read_only(placement)
-    return SolidContents("mesh", factors, pose, mesh_hash, mesh.path, open_edges)
+    return SolidContents("mesh", factors, pose, mesh.bytes_hash, mesh.path, open_edges)
 
 
 # ---- Named solids: obstacles at rest in the base frame, and solids that the tool carries.
@@ -108,9 +108,13 @@ class Obstacle:
 
     @classmethod
     def mesh(
-        cls, name: str, path: str | Path, placement: FloatArray, scale: float = 1.0
+        cls,
+        name: str,
+        path: str | Path | tuple[FloatArray, IntArray],
+        placement: FloatArray,
+        scale: float = 1.0,
     ) -> "Obstacle":
-        """Return a solid mesh in a placement (4, 4).
+        """Return a solid mesh in a placement (4, 4), from a file, or vertices [m] and triangles.
 
         At most 64 convex shapes cover it, with a cover error of 2 mm, or as little as 64 shapes
         allow; larger hollows are free. Openings of an open mesh count as closed.
@@ -120,16 +124,34 @@ class Obstacle:
             ProblemError: The scale is not between 1e-6 and 1e4.
         """
         require_name("the name of an obstacle", name, ProblemError)
-        if not isinstance(path, str | Path):
+        if not isinstance(path, str | Path | tuple):
             raise ProblemError(f"obstacle '{name}': path is {shown(path)}; name a mesh file")
         if not is_number(scale) or not MIN_SIZE <= scale <= MAX_SIZE:
             raise ProblemError(
                 f"obstacle '{name}': scale {in_figures(scale)}; {MIN_SIZE:g} to {MAX_SIZE:g} are "
                 "accepted"
             )
-        mesh = MeshFile(f"obstacle '{name}'", Path(path), scale)
+        triangles = path if isinstance(path, tuple) else None
+        file = Path("in the file") if isinstance(path, tuple) else Path(path)
+        mesh = MeshFile(f"obstacle '{name}'", file, scale, triangles)
         shapes = tuple(_placed(name, shape, placement) for shape in mesh.close_cover())
         return cls(name, shapes, mesh_contents(mesh, [scale] * 3, placement))
+
+    @classmethod
+    def points(cls, name: str, path: str | Path, size: float, placement: FloatArray) -> "Obstacle":
+        """Return the boxes of a grid of cells [m] with points of a file, in a placement (4, 4).
+
+        Cells beside each other are one box where that is exact.
+
+        Raises:
+            ProblemError: The file has no readable points, or they fill too many boxes.
+        """
+        _require_positive(name, "points", [size])
+        cloud = read_point_cloud(checked_path(f"obstacle '{name}': path", path))
+        boxes = tuple(_placed(name, shape, placement) for shape in cloud.boxes(size))
+        pose = read_only(placement)
+        contents = SolidContents("points", (float(size),), pose, cloud.file_hash, cloud.path)
+        return cls(name, boxes, contents)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +213,7 @@ def placement_of(
     return placement
 
 
-_SIZE_COUNTS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
+_SIZE_COUNTS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "points": 1}
 _ORTHONORMAL = 1e-6  # accepted error of R R^T, by rounding
 
 

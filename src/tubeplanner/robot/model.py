@@ -245,6 +245,11 @@ class RobotModel:
         return self._model is other._model
 
     @property
+    def tool_offset(self) -> ToolOffset:
+        """The tool centre point in the tool frame."""
+        return cast(ToolOffset, self._others["tool_offset"])
+
+    @property
     def locked_joints(self) -> Mapping[str, float]:
         """The values of joints outside the group that the user gave, by name [rad or m]."""
         return cast(Mapping[str, float], self._others["locked_joints"])

@@ -24,7 +24,7 @@ from tubeplanner.studies.changes import (
     rounded,
 )
 from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration_of
-from tubeplanner.task.problem_format import ClearanceFields
+from tubeplanner.task.problem_format import ClearanceFields, SceneFields
 from tubeplanner.task.problem_reader import end_of
 
 _MAX_MOVE = 1.0  # [m], or [rad]
@@ -316,6 +316,8 @@ def cell_changes(question: Question) -> Iterator[Change]:
 def obstacle_changes(question: Question) -> Iterator[Change]:
     """Yield the moves of each obstacle along the axes of the base frame."""
     for obstacle in question.fields.obstacles:
+        if isinstance(obstacle, SceneFields):  # its solids have no fields of the problem
+            continue
         position = list(obstacle.position)
         path = f"obstacles.{obstacle.name}.position"
         propose = partial(_shifted_solid, path, position, f"obstacle '{obstacle.name}'")

@@ -26,7 +26,7 @@ from tubeplanner.task.problem_format import (
     ContactFields,
     EndpointFields,
     ObjectiveFields,
-    ObstacleFields,
+    ObstacleItem,
     PayloadFields,
     ProblemFields,
     RobotFields,
@@ -142,7 +142,7 @@ class CycleFields(Section):
     )
     robot: RobotFields = Field(description="the arm, its tool and its limits")
     start: EndpointFields = Field(description="where the first move begins, at rest")
-    obstacles: list[ObstacleFields] = Field([], description="solids in the base frame, at first")
+    obstacles: list[ObstacleItem] = Field([], description="solids in the base frame, at first")
     clearance: Clearance = Field(
         0.0, description="least distance of links to obstacles [m]; or others for pairs"
     )
@@ -240,7 +240,7 @@ def _build(
             period=fields.period,
             name=name,
             robustness=first.robustness,
-            notes=tuple(doubts(angles_of(fields.model_dump()))),
+            notes=tuple(dict.fromkeys((*doubts(angles_of(fields.model_dump())), *first.notes))),
         )
     except (ProblemError, RobotError) as error:
         raise type(error)(f"{source}: {error}") from None

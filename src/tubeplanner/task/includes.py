@@ -28,22 +28,25 @@ def merged_fields(below: Any, above: Any) -> Any:
         # Repeated names, an error later, stay unmerged.
         first: dict[str, Any] = {}
         new = []
-        names = {item["name"] for item in below}
+        names = set(map(name_of, below))
         for item in above:
-            if item["name"] in names and item["name"] not in first:
-                first[item["name"]] = item
+            if name_of(item) in names and name_of(item) not in first:
+                first[name_of(item)] = item
             else:
                 new.append(item)
-        merged = [merged_fields(item, first.pop(item["name"], {})) for item in below]
+        merged = [merged_fields(item, first.pop(name_of(item), {})) for item in below]
         return [*merged, *new]
     return above
 
 
 def is_named(items: Any) -> bool:
     """Return True if a value is a list whose items all have a name; an empty list is."""
-    return isinstance(items, list) and all(
-        isinstance(item, dict) and isinstance(item.get("name"), str) for item in items
-    )
+    return isinstance(items, list) and all(isinstance(name_of(item), str) for item in items)
+
+
+def name_of(item: Any) -> Any:
+    """Return the name of an item of a list, for a planning scene its file; None without."""
+    return item.get("name", item.get("moveit_scene")) if isinstance(item, dict) else None
 
 
 # ---- Fields that are paths, relative to the file that holds them.
@@ -80,10 +83,17 @@ def paths_in(fields: Any) -> Iterator[tuple[Any, Any, str]]:
     yield from _paths_in_move(fields)
     for move in _list(fields.get("moves")):
         yield from _paths_in_move(_map(move))
-        yield from _paths_in(_map(_map(move).get("shape")), "mesh")
+        yield from _paths_in_solid(_map(move).get("shape"))
     for solids in (fields.get("obstacles"), robot.get("attached")):
         for solid in _list(solids):
-            yield from _paths_in(_map(solid), "mesh")
+            yield from _paths_in_solid(solid)
+
+
+def _paths_in_solid(fields: Any) -> Iterator[tuple[Any, Any, str]]:
+    """Yield the paths of a solid, or of a planning scene in its place."""
+    for key in ("mesh", "points", "moveit_scene"):
+        if isinstance(_map(fields).get(key), str):  # a mesh may be in the file itself
+            yield fields, key, key
 
 
 def _paths_in_move(fields: Any) -> Iterator[tuple[Any, Any, str]]:
@@ -224,7 +234,7 @@ def _value_at(document: Any, merged: Any, steps: Sequence[int | str]) -> Any:
         try:
             merged = merged[step]
             if isinstance(step, int) and isinstance(merged, dict) and is_named(document):
-                document = next(each for each in document if each["name"] == merged.get("name"))
+                document = next(each for each in document if name_of(each) == name_of(merged))
             else:
                 document = document[step]
         except (KeyError, IndexError, TypeError, StopIteration):

@@ -3,7 +3,15 @@
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    field_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
@@ -222,8 +230,17 @@ class PayloadFields(DeclaredSection):
     """A mass carried in the tool frame."""
 
 
+class TriangleFields(Section):
+    """A mesh in the file itself."""
+
+    vertices: list[Vector] = Field(description="corners [m]")
+    triangles: list[tuple[int, int, int]] = Field(
+        description="three numbers of vertices each, from 0, in their order seen from outside"
+    )
+
+
 class ShapeFields(Section):
-    """A solid without a name; exactly one of box, sphere, cylinder, capsule, mesh."""
+    """A solid without a name; exactly one of box, sphere, cylinder, capsule, mesh, points."""
 
     box: Vector | None = Field(None, description="full side lengths [m]")
     sphere: Finite | None = Field(None, description="radius [m]")
@@ -231,7 +248,15 @@ class ShapeFields(Section):
     capsule: tuple[Finite, Finite] | None = Field(
         None, description="radius, length between the centres of its caps [m]"
     )
-    mesh: str | None = Field(None, description="file, relative to this one")
+    mesh: str | TriangleFields | None = Field(
+        None, description="file, relative to this one, or vertices and triangles"
+    )
+    points: str | None = Field(
+        None,
+        description="point cloud (.ply, .pcd, .xyz), relative to this one, as boxes: the cells of "
+        "a grid that hold points",
+    )
+    size: Finite | None = Field(None, description="side of the cells of points [m]")
     scale: Finite = Field(1.0, description="of a mesh")
     position: Vector = Field((0.0, 0.0, 0.0), description="of its centre, or the mesh's origin [m]")
     rpy: Vector | None = Field(None, description="fixed x, y, z as in URDF [rad]")
@@ -245,7 +270,27 @@ class NamedFields(Section):
 
 
 class ObstacleFields(ShapeFields, NamedFields):
-    """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
+    """One solid; exactly one of box, sphere, cylinder, capsule, mesh, points."""
+
+
+class SceneFields(Section):
+    """Solids of a planning scene of MoveIt."""
+
+    moveit_scene: str = Field(
+        description="file (YAML of the message), relative to this one: its objects, attached "
+        "objects and allowed collisions"
+    )
+
+
+def _obstacle_kind(fields: Any) -> str:
+    keys = fields if isinstance(fields, dict) else vars(fields) if fields is not None else {}
+    return "SceneFields" if "moveit_scene" in keys else "ObstacleFields"
+
+
+ObstacleItem: TypeAlias = Annotated[
+    Annotated[ObstacleFields, Tag("ObstacleFields")] | Annotated[SceneFields, Tag("SceneFields")],
+    Discriminator(_obstacle_kind),
+]
 
 
 class AttachedFields(ObstacleFields):
@@ -433,7 +478,7 @@ class ProblemFields(Section):
     goal: EndpointFields | None = Field(
         None, description="where it ends, at rest; left out: in any configuration"
     )
-    obstacles: list[ObstacleFields] = Field([], description="solids in the base frame")
+    obstacles: list[ObstacleItem] = Field([], description="solids in the base frame")
     clearance: Clearance = Field(
         0.0,
         description="least distance of links to obstacles [m]; or others for pairs and segments",

@@ -24,6 +24,7 @@ from tubeplanner.task.demands import Objective, Robustness
 from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration_of
 from tubeplanner.task.field_changes import checked_layers, read_problem_fields
 from tubeplanner.task.includes import ProblemLayers
+from tubeplanner.task.moveit_files import solids_of_scene
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import (
     AttachedFields,
@@ -34,6 +35,7 @@ from tubeplanner.task.problem_format import (
     ProblemFields,
     RobotFields,
     RobustnessFields,
+    TriangleFields,
     TubeFields,
     clearances_of,
     contacts_of,
@@ -70,9 +72,7 @@ def load_problem(
     path = find_problem(name, checked_path("directory", directory))
     label = f"{path.resolve().parent.name}/{path.stem}"
     fields = read_problem_fields(path, changes)
-    needs_tube = fields.tube is not None if reads_tube is None else reads_tube
-    tube_of = None if needs_tube else partial(_tube_anywhere, needs_goal=reads_tube is not None)
-    return build_problem(fields, path.parent, label, str(path), tube_of)
+    return build_problem(fields, path.parent, label, str(path), _tube_reader(fields, reads_tube))
 
 
 def parse_problem(
@@ -80,7 +80,7 @@ def parse_problem(
     directory: str | Path = ".",
     name: str = "problem",
     *,
-    reads_tube: bool = True,
+    reads_tube: bool | None = True,
     changes: Mapping[str, Any] | None = None,
 ) -> PlanningProblem:
     """Build a problem from the content of a problem file, as dictionaries and lists.
@@ -96,10 +96,17 @@ def parse_problem(
         ProblemError: As `load_problem`.
         RobotError: As `load_problem`.
     """
-    tube_of = None if reads_tube else _tube_anywhere
     folder = checked_path("directory", directory)
-    layers = ProblemLayers.of(data, folder, name)
-    return build_problem(checked_layers(layers, changes), folder, name, name, tube_of)
+    fields: ProblemFields = checked_layers(ProblemLayers.of(data, folder, name), changes)
+    return build_problem(fields, folder, name, name, _tube_reader(fields, reads_tube))
+
+
+def _tube_reader(
+    fields: ProblemFields, reads_tube: bool | None
+) -> Callable[[ProblemFields, RobotModel, Path], Tube] | None:
+    """Return the reader of a problem's tube, as `load_problem` says of `reads_tube`."""
+    needs_tube = fields.tube is not None if reads_tube is None else reads_tube
+    return None if needs_tube else partial(_tube_anywhere, needs_goal=reads_tube is not None)
 
 
 def build_problem(
@@ -119,6 +126,8 @@ def build_problem(
         robot = robot_of(fields, directory) if like is None else like.robot
         tube = (tube_of or _tube)(fields, robot, directory)
         segments = int(tube.numbers[-1]) if tube_of is None else None
+        solids = solids_of(fields, robot, directory) if like is None else dict(like.solids)
+        notes = solids.pop("notes", ())
         problem = PlanningProblem(
             robot=robot,
             tube=tube,
@@ -126,12 +135,12 @@ def build_problem(
             goal=end_of("goal", fields.goal, robot, directory),
             **clearances_of(fields.clearance),
             contacts=contacts_of(fields.contacts, segments),
-            **(solids_of(fields, robot, directory) if like is None else like.solids),
+            **solids,
             objective=_built(Objective, fields.objective),
             period=fields.period,
             robustness=_robustness(fields.robustness, directory),
             name=name,
-            notes=tuple(doubts(angles_of(fields.model_dump()))),
+            notes=(*doubts(angles_of(fields.model_dump())), *notes),
         )
         _ = problem.collision  # built here, so that planning starts with loaded geometry
     except (ProblemError, RobotError) as error:
@@ -333,26 +342,38 @@ def _last_configuration(what: str, path: Path, robot: RobotModel) -> FloatArray:
 
 
 def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict[str, Any]:
-    """Return the arguments of a problem for its solids."""
+    """Return the arguments of a problem for its solids, and notes on the files of scenes."""
     folders = robot.package_dirs
-    obstacles = tuple(obstacle_of(each, directory, folders) for each in fields.obstacles)
-    attached = tuple(attached_of(each, directory, folders) for each in fields.robot.attached)
+    obstacles, attached = list[Obstacle](), list[AttachedSolid]()
+    pairs, notes = list(fields.collision.ignore), list[str]()
+    for each in fields.obstacles:
+        if isinstance(each, ObstacleFields):
+            obstacles.append(obstacle_of(each, directory, folders))
+            continue
+        path = directory / each.moveit_scene
+        solids = solids_of_scene(path, robot)
+        obstacles += [obstacle_of(own, directory) for own in solids.obstacles]
+        attached += [attached_of(own, directory) for own in solids.attached]
+        pairs += solids.allowed_pairs
+        notes += solids.notes
+    attached[:0] = [attached_of(each, directory, folders) for each in fields.robot.attached]
     srdf = robot.urdf.srdf
-    pairs = [] if srdf is None else srdf.allowed_pairs(robot.urdf.links)
+    pairs += [] if srdf is None else srdf.allowed_pairs(robot.urdf.links)
     return {
-        "obstacles": obstacles,
-        "attached": attached,
+        "obstacles": tuple(obstacles),
+        "attached": tuple(attached),
         "self_collision": fields.collision.self_,
-        "ignore_collisions": (*fields.collision.ignore, *pairs),
+        "ignore_collisions": tuple(pairs),
+        "notes": tuple(notes),
     }
 
 
 def obstacle_of(
-    fields: ObstacleFields, directory: Path, folders: PackageDirs, field: str | None = None
+    fields: ObstacleFields, directory: Path, folders: PackageDirs = (), field: str | None = None
 ) -> Obstacle:
     """Return the solid of fields, called as a field in messages; None: an obstacle of its name."""
     field = field or f"obstacles: '{fields.name}'"
-    kinds = ("box", "sphere", "cylinder", "capsule", "mesh")
+    kinds = ("box", "sphere", "cylinder", "capsule", "mesh", "points")
     shapes = [kind for kind in kinds if getattr(fields, kind) is not None]
     if len(shapes) != 1:
         raise ProblemError(
@@ -361,19 +382,33 @@ def obstacle_of(
         )
     with faults_of(field, ProblemError):
         placement = placement_of(fields.position, fields.rpy, fields.quaternion)
+    if (fields.points is None) != (fields.size is None):
+        reason = "points is" if fields.points is None else "size, the side of the boxes [m], is"
+        raise ProblemError(f"{field}: {reason} required beside the other; points take both")
+    if isinstance(fields.mesh, TriangleFields):
+        triangles = (
+            np.array(fields.mesh.vertices, dtype=np.float64).reshape(-1, 3),
+            np.array(fields.mesh.triangles, dtype=np.int64).reshape(-1, 3),
+        )
+        with faults_of(field, RobotError):
+            return Obstacle.mesh(fields.name, triangles, placement, fields.scale)
     if fields.mesh is not None:
         with faults_of(field, RobotError):
             path = find_mesh(fields.mesh, directory / "the problem file", folders)
             return Obstacle.mesh(fields.name, path, placement, fields.scale)
     if fields.scale != 1.0:
         raise ProblemError(f"{field}: scale belongs to a mesh alone; remove it")
+    if fields.points is not None and fields.size is not None:
+        with faults_of(field, ProblemError):
+            path = directory / fields.points
+            return Obstacle.points(fields.name, path, fields.size, placement)
     sizes = getattr(fields, shapes[0])
     sizes = sizes if shapes[0] in ("cylinder", "capsule") else (sizes,)
     return getattr(Obstacle, shapes[0])(fields.name, *sizes, placement)
 
 
 def attached_of(
-    fields: AttachedFields, directory: Path, folders: PackageDirs, field: str | None = None
+    fields: AttachedFields, directory: Path, folders: PackageDirs = (), field: str | None = None
 ) -> AttachedSolid:
     """Return the attached solid of fields of a file; arguments as `obstacle_of`."""
     field = field or f"robot.attached: '{fields.name}'"

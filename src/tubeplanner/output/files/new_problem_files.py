@@ -1,4 +1,4 @@
-"""New problem files: commented starter, problem of a recorded trail.
+"""New problem files: commented starter, problem of a recorded trail, of MoveIt's messages.
 
 Lines that begin with `##` explain. Lines that begin with `# ` contain a field, which holds as soon
 as the `# ` is removed, alone or with all others.
@@ -6,6 +6,7 @@ as the `# ` is removed, alone or with all others.
 
 import json
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,14 +14,34 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import TrajectoryError
+from tubeplanner.errors import ProblemError, TrajectoryError
 from tubeplanner.fields import check_fields
 from tubeplanner.orientation import quaternion_of_matrix
-from tubeplanner.output.files.problem_file import included_fields, new_fields, read_fields
-from tubeplanner.resources import find_problem, rebased
+from tubeplanner.output.files.problem_file import (
+    in_a_row,
+    included_fields,
+    new_fields,
+    problem_contents,
+    read_fields,
+)
+from tubeplanner.resources import find_description, find_problem, rebased
+from tubeplanner.robot.ros_files import read_srdf
 from tubeplanner.studies.tubes.starter_problem import StarterProblem
 from tubeplanner.studies.tubes.teach import joint_trail
 from tubeplanner.task.info import problem_doubts
+from tubeplanner.task.moveit_files import (
+    Message,
+    frames_of,
+    goal_of_request,
+    is_request,
+    is_scene,
+    notes_on_unread,
+    read_message,
+    scale_of_request,
+    scene_solids,
+    solids_of_state,
+    state_joints,
+)
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import PROBLEM_FORMAT, ProblemFields
 from tubeplanner.task.problem_reader import parse_problem, robot_of
@@ -215,6 +236,7 @@ def read_cell(
     obstacles: Path | None,
     template: str | None,
     changes: Mapping[str, Any] | None = None,
+    srdf: str | None = None,
 ) -> Cell:
     """Return the cell of a problem file, the template, or of a robot and a file of obstacles.
 
@@ -227,7 +249,9 @@ def read_cell(
         folder, source = path.parent, str(path)
     else:
         assert urdf is not None and tool_frame is not None
-        fields, folder, source = new_fields(urdf, tool_frame, obstacles), Path(), "teach"
+        fields, folder, source = new_fields(urdf, tool_frame, obstacles), Path(), "the problem"
+        if srdf is not None:
+            fields["robot"]["srdf"] = srdf
     merged = included_fields(fields, folder)
     for key in _TRAIL_KEYS:
         fields.pop(key, None)
@@ -304,3 +328,119 @@ def _of_all_segments(fields: Mapping[str, Any], key: str) -> Any:
     alike = all(each == value[0] for each in value)
     first = list(value[0]) if isinstance(value[0], list) else value[0]
     return None if not alike else [first] if isinstance(first, list) else first
+
+
+# ---- The problem of a planning scene and a motion plan request of MoveIt.
+
+
+def scene_and_request(paths: Sequence[Path]) -> tuple[Message | None, Message | None]:
+    """Return the planning scene and the motion plan request of files, each at most once."""
+    scenes, requests = list[Message](), list[Message]()
+    for path in paths:
+        message = read_message(path)
+        if not is_scene(message) and not is_request(message):
+            raise ProblemError(
+                f"{path}: this is neither a planning scene (with world) nor a motion plan request "
+                "(with goal_constraints) of MoveIt"
+            )
+        (scenes if is_scene(message) else requests).append(message)
+    for what, messages in (("planning scenes", scenes), ("motion plan requests", requests)):
+        if len(messages) > 1:
+            labels = " and ".join(each.label for each in messages)
+            raise ProblemError(f"{labels} are {what}; give one")
+    return next(iter(scenes), None), next(iter(requests), None)
+
+
+def tool_frame_of(request: Message | None, srdf: str | None) -> str | None:
+    """Return the link of a request's tool: that of its goal, or the end of its group's chain."""
+    if request is None:
+        return None
+    for goal in request.parts("goal_constraints")[:1]:
+        for position in goal.parts("position_constraints"):
+            return position.text("link_name") or None
+    if srdf is None:
+        return None
+    group = request.text("group_name")
+    chains = (
+        chain
+        for each in read_srdf(find_description(srdf, Path())).root.findall("group")
+        if each.get("name") == group
+        for chain in each.findall("chain")
+    )
+    return next((chain.get("tip_link") for chain in chains), None)
+
+
+def imported_problem(
+    cell: Cell, scene: Message | None, request: Message | None, name: str
+) -> tuple[PlanningProblem, list[str]]:
+    """Complete the fields of a cell by a scene and a request; return their problem, and notes.
+
+    Added are solids, allowed pairs, start, goal, locked joints and scaling factors. A cell's own
+    stay, but for what `notes_on_dropped` names.
+    """
+    own = cell.fields
+    robot_fields = own.setdefault("robot", {})
+    placeholder = {**cell.merged, "start": {"joints": []}}
+    robot = robot_of(check_fields(ProblemFields, placeholder, cell.source), cell.folder)
+    notes, frames = list[str](), frames_of(robot, scene)
+    joints: dict[str, float] = {}
+    scale: dict[str, float] = {}
+    goal = None
+    solids = []
+    for message, key in ((scene, "robot_state"), (request, "start_state")):
+        if message is None:
+            continue
+        state = message.part(key)
+        joints |= state_joints(state)
+        _ = state.value("is_diff"), state.value("multi_dof_joint_state")
+        if message is scene:
+            solids.append(scene_solids(message, robot, frames))
+        else:
+            solids.append(solids_of_state(state, frames))
+            goal, goal_notes = goal_of_request(message, robot, frames)
+            scale = scale_of_request(message)
+            notes += goal_notes
+            _ = message.text("group_name")
+        notes += [*solids[-1].notes, *notes_on_unread(message)]
+    missing = [each for each in robot.joint_names if each not in joints]
+    if missing:
+        labels = " and ".join(each.label for each in (scene, request) if each is not None)
+        raise ProblemError(f"{labels}: the state of the robot has no joint {', '.join(missing)}")
+    followers = {each for each, joint in robot.urdf.joints.items() if joint.mimic is not None}
+    others = [each for each in joints if each not in robot.joint_names]
+    free = [each for each in others if each in robot.urdf.movable() and each not in followers]
+    if fixed := [each for each in others if each not in free and each not in followers]:
+        notes.append(f"not used: the values of {', '.join(fixed)}, which cannot move")
+    locked = {each: joints[each] for each in free if joints[each]}
+    if locked:
+        robot_fields["locked_joints"] = in_a_row(
+            {**(cell.merged["robot"].get("locked_joints") or {}), **locked}
+        )
+    if scale:
+        limits = robot_fields.setdefault("limits", {})
+        before = (cell.merged["robot"].get("limits") or {}).get("scale") or {}
+        scaled = {key: value * before.get(key, 1.0) for key, value in scale.items()}
+        limits["scale"] = in_a_row({**before, **scaled})
+    for each in solids:
+        rows = [in_a_row(fields.model_dump(exclude_unset=True)) for fields in each.attached]
+        if rows:
+            robot_fields.setdefault("attached", []).extend(rows)
+        rows = [in_a_row(fields.model_dump(exclude_unset=True)) for fields in each.obstacles]
+        if rows:
+            own.setdefault("obstacles", []).extend(rows)
+        if each.allowed_pairs:
+            collision = own.setdefault("collision", {})
+            collision.setdefault("ignore", []).extend(map(in_a_row, map(list, each.allowed_pairs)))
+    start = {each: joints[each] for each in robot.joint_names}
+    own["start"] = in_a_row({"joints": start})
+    if goal is not None:
+        own["goal"] = in_a_row(goal)
+    problem = parse_problem(own, cell.folder, name, reads_tube=None)
+    notes += notes_on_dropped(cell.replaced, (), "start and goal are the request's")
+    return problem, notes
+
+
+def imported_contents(cell: Cell, notes: Sequence[str], target: Path) -> bytes:
+    """Return the contents of the problem file of a completed cell, with notes as comments."""
+    comments = [f"## note: {note}\n" for note in notes if target.suffix != ".json"]
+    return "".join(comments).encode() + problem_contents(deepcopy(cell.fields), cell.folder, target)

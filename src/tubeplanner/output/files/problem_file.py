@@ -18,7 +18,13 @@ from tubeplanner.fields import Section
 from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS, sign_of
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.task.field_changes import changed_problem
-from tubeplanner.task.includes import ProblemLayers, is_named, merged_fields, move_paths
+from tubeplanner.task.includes import (
+    ProblemLayers,
+    is_named,
+    merged_fields,
+    move_paths,
+    name_of,
+)
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import (
     PROBLEM_FORMAT,
@@ -46,7 +52,7 @@ def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
     require_problem(plain, str(path))
     fields = plain if path.suffix == ".json" else _with_comments(path)
     changes = changes or {}
-    rows = {key: _in_a_row(v) if isinstance(v, list | dict) else v for key, v in changes.items()}
+    rows = {key: in_a_row(v) if isinstance(v, list | dict) else v for key, v in changes.items()}
     merged = included_fields(fields, path.parent, path)
     change_own(fields, merged, changed_problem(merged, rows))
     return fields
@@ -97,14 +103,14 @@ def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProbl
         end_fields = merged.get(end)
         # A configuration of the file is kept as it is written.
         if not (isinstance(end_fields, dict) and end_fields.get("joints") is not None):
-            changes[end] = _in_a_row({"joints": _in_a_row(q.tolist())})
+            changes[end] = in_a_row({"joints": in_a_row(q.tolist())})
     for key, value in changes.items():
         alone = _alone(value, below.get(key), TubeFields if key == "tube" else EndpointFields)
         if key in fields:
             fields[key] = alone
         else:
             _insert(fields, key, alone)
-    return _contents(fields, folder, target)
+    return problem_contents(fields, folder, target)
 
 
 def _alone(value: Any, below: Any, model: type[Section]) -> Any:
@@ -144,7 +150,7 @@ def with_other_tube(
     values = {key: other[key] for key in _MEASURED if key in other}
     hidden = {key: below[key] for key in _MEASURED if key in below}
     own.update(_alone(values, hidden, TubeFields))
-    return _contents(fields, source.parent, target)
+    return problem_contents(fields, source.parent, target)
 
 
 def with_placement(
@@ -157,19 +163,20 @@ def with_placement(
     fields = read_fields(source, changes)
     below = ProblemLayers.of(fields, source.parent, str(source)).below
     for path, value in placement.items():
-        rows = {k: _in_a_row(v) if isinstance(v, list | dict) else v for k, v in value.items()}
+        rows = {k: in_a_row(v) if isinstance(v, list | dict) else v for k, v in value.items()}
         if path == "robot.base":
             hidden = (below.get("robot") or {}).get("base")
             robot = fields.setdefault("robot", CommentedMap())
-            robot["base"] = _alone(_in_a_row(rows), hidden, BaseFields)
+            robot["base"] = _alone(in_a_row(rows), hidden, BaseFields)
         elif path in fields:
-            fields[path] = _alone(_in_a_row(rows), below.get(path), EndpointFields)
+            fields[path] = _alone(in_a_row(rows), below.get(path), EndpointFields)
         else:
-            _insert(fields, path, _alone(_in_a_row(rows), below.get(path), EndpointFields))
-    return _contents(fields, source.parent, target)
+            _insert(fields, path, _alone(in_a_row(rows), below.get(path), EndpointFields))
+    return problem_contents(fields, source.parent, target)
 
 
-def _contents(fields: Any, folder: Path, target: Path) -> bytes:
+def problem_contents(fields: Any, folder: Path, target: Path) -> bytes:
+    """Return a problem file's contents for a target, its paths now relative to a folder."""
     move_paths(fields, folder, target.parent)
     if target.suffix == ".json":
         return (json.dumps(fields, indent=2) + "\n").encode()  # limits may be Infinity
@@ -179,22 +186,22 @@ def _contents(fields: Any, folder: Path, target: Path) -> bytes:
 
 
 def _tube_fields(tube: Tube) -> CommentedMap:
-    points = _in_a_row([_in_a_row(point) for point in tube.points.tolist()])
+    points = in_a_row([in_a_row(point) for point in tube.points.tolist()])
     # Ranges of joints are written as signs where equivalent.
     maps = [
-        _in_a_row({name: sign_of(b) or _in_a_row(list(b)) for name, b in ranges.items()})
+        in_a_row({name: sign_of(b) or in_a_row(list(b)) for name, b in ranges.items()})
         for ranges in tube.joint_ranges
     ]
     signs = maps[0] if all(row == maps[0] for row in maps) else maps
-    fields = CommentedMap(points=points, radius=_in_a_row(tube.radius.tolist()))
+    fields = CommentedMap(points=points, radius=in_a_row(tube.radius.tolist()))
     if tube.cross_section is not None:
         radii = zip(tube.radius.tolist(), tube.is_box, strict=True)
-        fields["radius"] = _in_a_row([None if is_box else radius for radius, is_box in radii])
+        fields["radius"] = in_a_row([None if is_box else radius for radius, is_box in radii])
         sections = [
-            _in_a_row({"box": _in_a_row(row[:2]), "up": _in_a_row(row[2:])}) if any(row) else None
+            in_a_row({"box": in_a_row(row[:2]), "up": in_a_row(row[2:])}) if any(row) else None
             for row in tube.cross_section.tolist()
         ]
-        fields["cross_section"] = _in_a_row(sections)
+        fields["cross_section"] = in_a_row(sections)
     fields["joint_signs"] = signs
     fields.update(_number_fields(tube))
     return fields
@@ -205,9 +212,9 @@ def _rotation_fields(tube: Tube) -> dict[str, Any]:
     if tube.orientations is None or tube.rotation_tolerance is None:
         return {}
     entries = tube.rotation_tolerance
-    bounds = [_in_a_row(list(b)) if isinstance(b, tuple) else b for b in entries]
-    orientations = [_in_a_row(q) for q in tube.orientations.tolist()]
-    return {"orientations": _in_a_row(orientations), "rotation_tolerance": _in_a_row(bounds)}
+    bounds = [in_a_row(list(b)) if isinstance(b, tuple) else b for b in entries]
+    orientations = [in_a_row(q) for q in tube.orientations.tolist()]
+    return {"orientations": in_a_row(orientations), "rotation_tolerance": in_a_row(bounds)}
 
 
 def _number_fields(tube: Tube) -> dict[str, Any]:
@@ -221,10 +228,10 @@ def _number_fields(tube: Tube) -> dict[str, Any]:
 
 def _numbers_or_none(values: FloatArray) -> Any:
     """Return the number of each segment for a file, null where infinite."""
-    return _in_a_row([value if np.isfinite(value) else None for value in values.tolist()])
+    return in_a_row([value if np.isfinite(value) else None for value in values.tolist()])
 
 
-def _in_a_row(values: Sequence[Any] | Mapping[str, Any]) -> Any:
+def in_a_row(values: Sequence[Any] | Mapping[str, Any]) -> Any:
     """Return a list or map that YAML writes on a single line."""
     row: Any = CommentedMap(values) if isinstance(values, Mapping) else CommentedSeq(values)
     row.fa.set_flow_style()
@@ -272,11 +279,11 @@ def change_own(own: Any, merged: Any, target: Any) -> None:
 
 def _change_items(own: Any, merged: Any, target: Any) -> None:
     """Change a list of named items to give target items with included files."""
-    indices = {item["name"]: k for k, item in enumerate(own)}
+    indices = {name_of(item): k for k, item in enumerate(own)}
     for old, value in zip(merged, target, strict=True):
         if value == old:
             continue
-        name = old["name"]
+        name = name_of(old)
         if name not in indices:
             indices[name] = len(own)
             own.append({"name": name})
