@@ -17,6 +17,7 @@ from tubeplanner.optimizer.tube_phases import (
     sharpest_bend,
     tube_chains,
 )
+from tubeplanner.orientation import rotation_matrix
 
 
 def chains_of(points, radius=0.01, **more):
@@ -148,6 +149,23 @@ def test_a_closed_path_begins_in_its_first_segment_and_ends_in_its_last():
     mixed = np.random.default_rng(3).permutation(len(fraction))
     other = replace(segments, samples=segments.samples.where(mixed))
     np.testing.assert_array_equal(other.at(on_circle(hurried)[mixed]), number[mixed])
+
+
+@pytest.mark.parametrize(("angle", "expected"), [(0.0, 0), (0.15, 1), (0.3, 1), (0.55, 1)])
+def test_a_rotation_outside_the_nearest_segments_tolerance_takes_another_segment(angle, expected):
+    """Only if it fits better there: at 0.55 rad it would fit the first leg still less."""
+    end = [0, 0, np.sin(0.5), np.cos(0.5)]  # by 1 rad
+    upright = [0, 0, 0, 1]
+    turns = {"orientations": [upright, upright, end], "rotation_tolerance": 0.2}
+    tube = Tube(right_angle(1), 0.1, **turns)
+    segments, fraction = chained(tube, 9)
+    # At 6 cm from the first leg and 4 cm from the second, where the reference is at 0.3 rad.
+    tool = np.tile([0.16, 0.06, 0.0], (len(fraction), 1))
+    turned = rotation_matrix(np.tile([0, 0, angle], (len(fraction), 1)))
+    number = replace(segments, rotation=(tube.rotation, turned)).at(tool)
+    inner = (fraction > 0) & (fraction < 1)
+    assert set(number[inner]) == {expected}
+    assert set(segments.at(tool)[inner]) == {1}
 
 
 def test_phases_of_one_segment_keep_it_wherever_the_tool_is():

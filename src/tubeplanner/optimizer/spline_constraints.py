@@ -436,8 +436,12 @@ class _ArmAlong:
         return blended_friction(motors, rate, ends, self._blended_fraction, largest, piece)
 
     def segments_of(self, samples: Samples) -> OrderedSegments:
-        points, runs = self._problem.tube.points, self._spline.grid.runs
-        return OrderedSegments(points, self._radius, runs, samples, self._is_requested)
+        tube, runs = self._problem.tube, self._spline.grid.runs
+        orientation = self.at(samples)[1].tool_pose[0]
+        rotation = None if tube.rotation is None else (tube.rotation, orientation)
+        return OrderedSegments(
+            tube.points, self._radius, runs, samples, self._is_requested, rotation
+        )
 
     def _segment(self, samples: Samples) -> IntArray:
         return self.segments_of(samples).at(self.at(samples)[1].tool_pose[1])

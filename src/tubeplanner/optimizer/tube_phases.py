@@ -6,6 +6,7 @@ conditions on the joints or on the rotation change, or a point is compulsory. Be
 chains: there the segment of a sample follows from where the tool is.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -16,6 +17,7 @@ from scipy import sparse
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.geometry.tube.rotation import RotationalTube
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.optimizer.phased_spline import KnotGrid, Samples
 from tubeplanner.task.problem import PlanningProblem
@@ -121,6 +123,10 @@ def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
 
 # ---- The segment of each sample in its chain: in order, and as near as possible.
 #
+# Where a rotation nearly breaks its tolerance in the nearest segment, another may be better: the
+# larger of both counts, the distance in radii or the rotation in tolerances. By distance alone the
+# reference orientation jumps at bends, and between two samples the rotation fits neither segment.
+#
 # The certificate requires the segments in order too: the tool may not skip back where a path comes
 # near itself, and a closed path begins in its first segment and ends in its last. Nor may it leave
 # segments out, though samples do not show that: each of them may be near another segment.
@@ -129,6 +135,9 @@ def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
 # path than it moves. Omitted segments count from this number of radii away, if they are farther
 # than the samples' own, by this factor: so the program sees them before the tool has left them.
 _SHORT_CUT, _FAR, _FARTHER = 0.5, 0.3, 1.1
+# Rotations count from this fraction of their tolerance in the nearest segment. If all did, samples
+# would change segments where nothing is at its limit; at 1, the program would be stopped before.
+_TURNED = 0.9
 _NO_SQUARE = 1e-30  # [m^2]
 # Least distance of requested segments, in radii.
 _MIN_FRACTION = 1e-9
@@ -145,6 +154,8 @@ class OrderedSegments:
     # whether a segment gets a sample wherever the tool is, shape (m,): the segments that it missed
     # at denser samples. None: no segment.
     is_requested: BoolArray | None = None
+    # the rotational part of the tube, and the samples' orientations, shape (N, 3, 3); None: free
+    rotation: tuple[RotationalTube, FloatArray] | None = None
 
     @cached_property
     def in_run(self) -> BoolArray:
@@ -171,8 +182,14 @@ class OrderedSegments:
         own, is_requested = slice(run.start, run.stop), np.zeros(len(run), dtype=bool)
         if self.is_requested is not None:
             is_requested = self.is_requested[own]
-        points = self.points[run.start : run.stop + 1]
-        return _Passage(tool[members], points, self.radius[own], is_requested)
+        points, tool, turned = self.points[run.start : run.stop + 1], tool[members], None
+        if self.rotation is not None:
+            tube, orientation = self.rotation[0], self.rotation[1][members]
+
+            def turned(sample: IntArray, segment: IntArray) -> FloatArray:
+                return tube.use(orientation[sample], tool[sample], run.start + segment)
+
+        return _Passage(tool, points, self.radius[own], is_requested, turned)
 
     @cached_property
     def _members(self) -> list[tuple[range, IntArray]]:
@@ -215,6 +232,8 @@ class _Passage:
     points: FloatArray  # the chain's reference points, shape (m+1, 3) [m]
     radius: FloatArray  # of its segments, shape (m,) [m]
     is_requested: BoolArray  # whether a segment gets a sample in any case, shape (m,)
+    # returns the rotations of samples in segments, both (K,), in tolerances; None: free
+    turned: Callable[[IntArray, IntArray], FloatArray] | None
 
     def missed(self) -> BoolArray:
         """Return True for segments with no sample inside, shape (m,)."""
@@ -228,7 +247,7 @@ class _Passage:
         segments. So where it takes short cuts, omitted segments have a cost too, by their distance
         from the line between two samples. If one is still far off, it gets one of the two samples.
         """
-        cost = (self._square / self.radius**2) ** 2
+        cost = self._use**2
         choice = ordered_choice(cost)
         if not self._left_out(choice)[1].any():
             return choice  # as a rule
@@ -242,10 +261,23 @@ class _Passage:
         is_fixed[[0, -1]] = True  # these stay in the first segment and the last
         for step in np.argsort(-fraction, kind="stable")[: np.count_nonzero(fraction)]:
             segment = farthest[step]
-            nearer = step + np.argsort(self._square[step : step + 2, segment], kind="stable")
+            nearer = step + np.argsort(self._use[step : step + 2, segment], kind="stable")
             free = nearer[~is_fixed[nearer]][:1]
             choice[free], is_fixed[free] = segment, True
         return choice
+
+    @cached_property
+    def _use(self) -> FloatArray:
+        """Squares of distances in radii or, if larger, of rotations in tolerances, shape (N, m)."""
+        use = self._square / self.radius**2
+        if self.turned is not None:
+            samples, nearest = np.arange(len(use)), use.argmin(axis=1)
+            turned = self.turned(samples, nearest)
+            # No segment that is farther than this can be better than the nearest.
+            most = np.where(turned > _TURNED, np.maximum(turned**2, use[samples, nearest]), -1.0)
+            near = np.nonzero(use <= most[:, None])
+            use[near] = np.maximum(use[near], self.turned(*near) ** 2)
+        return use
 
     @cached_property
     def _square(self) -> FloatArray:

@@ -132,6 +132,13 @@ class RotationalTube:
         spin -= rotation_change[:, :, None] * fraction_rate[:, None]
         return error, inverse_right_jacobian(error) @ spin
 
+    def use(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
+        """Return the largest share of a segment's bounds that the tools' rotations use, (N,)."""
+        error = self.error(rotation, tool, segment)
+        angle = np.linalg.norm(error, axis=1, keepdims=True)
+        use: FloatArray = (np.hstack([abs(error), angle]) / self.bounds[segment]).max(axis=1)
+        return use
+
     def margin(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
         """Return the margins of the tools' rotations in a segment's bounds, shape (N,) [rad].
 
