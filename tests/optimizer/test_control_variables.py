@@ -72,6 +72,29 @@ def test_the_tool_stays_at_an_open_goal(case):
     np.testing.assert_allclose(fraction + fraction[::-1], 1.0, atol=1e-9)
 
 
+def test_a_goal_is_corrected_beyond_the_points_that_would_leave_their_bounds(bundled):
+    """Clipped alone, a point in a short phase would be a jump of the acceleration."""
+    problem = bundled("ur5/over_the_wall")
+    spline = begun(problem, 12)
+    variables = ControlVariables(problem, spline.grid)
+    points = spline.control_points
+    step = 0.05 * np.random.default_rng(1).normal(size=variables.lower.shape)
+    free = variables.moved(points, step)
+    predicted = points + variables.change(step)
+    middle = len(points) // 2
+    at_bound = predicted[middle]
+    number = variables.column[middle]
+    rises = free[middle] > at_bound
+    variables.upper[number] = np.where(rises, at_bound, variables.upper[number])
+    variables.lower[number] = np.where(rises, variables.lower[number], at_bound)
+    moved = variables.moved(points, step)
+    np.testing.assert_array_equal(moved[-3:], free[-3:])
+    correction = (moved - predicted) * np.where(rises, 1.0, -1.0)
+    assert abs(correction[: middle + 1]).max() < 1e-12
+    assert (np.diff(correction, axis=0) > -1e-12).all()
+    assert correction[-1].max() > 0.001
+
+
 def test_points_are_moved_into_the_ranges_of_all_phases_they_count_in(case):
     problem, spline, variables = case
     far = spline.control_points + 20.0

@@ -121,19 +121,37 @@ class ControlVariables:
         A start that moves is then at `start`, shape (n,). None if the tool cannot be kept there.
         """
         points = control_points + self.change(step)
-        # Corrections are spread over the whole motion: at an end alone, on its short knot
-        # intervals, they would be jumps of the jerk.
         if start is not None:
-            points += (1 - self._fraction_of_goal)[:, None] * (start - points[0])
-            points[:REST_POINTS] = start
-        if not self.goal_moves:
-            return points if start is None else self.within_bounds(points)
-        goal = self.goal_after(control_points, step)
-        if goal is None:
-            return None
-        points += self._fraction_of_goal[:, None] * (goal - points[-1])
-        points[-REST_POINTS:] = goal
-        return self.within_bounds(points)
+            points = self._corrected(points, slice(REST_POINTS), start, 1 - self._fraction_of_goal)
+        if self.goal_moves:
+            goal = self.goal_after(control_points, step)
+            if goal is None:
+                return None
+            last = slice(-REST_POINTS, None)
+            points = self._corrected(points, last, goal, self._fraction_of_goal)
+        return points
+
+    def _corrected(
+        self, points: FloatArray, rest: slice, end: FloatArray, fraction: FloatArray
+    ) -> FloatArray:
+        """Return control points (K, n) within bounds, those at rest at an end (n,).
+
+        The correction is spread over the whole motion by a fraction (K,) at each point: at an end
+        alone, on its short knot intervals, it would be a jump of the jerk. Of a joint that it would
+        lead out of its bounds, it begins behind the last such point: a clipped point alone would be
+        a dent, and in a short phase a jump of the acceleration.
+        """
+        points = self.within_bounds(points)
+        shift = end - points[rest][0]
+        shifted = points + fraction[:, None] * shift
+        shifted[rest] = end
+        is_outside = shifted != self.within_bounds(shifted)
+        begin = (is_outside * fraction[:, None]).max(axis=0)
+        for joint in np.flatnonzero(begin):
+            x = np.clip((fraction - begin[joint]) / (1 - begin[joint]), 0.0, 1.0)
+            shifted[:, joint] = points[:, joint] + x**2 * (3 - 2 * x) * shift[joint]
+        shifted[rest] = end
+        return self.within_bounds(shifted)
 
     def goal_after(self, control_points: FloatArray, step: FloatArray) -> FloatArray | None:
         """Return the configuration (n,) at a goal that moves, after a step; arguments as `moved`.
