@@ -13,6 +13,8 @@ from .outcome import PlanStatus as PlanStatus
 from .outcome import Location as Location
 from .optimizer.stages import Sensitivity as Sensitivity
 from .first_guess.branch_and_bound import SearchStatistics as SearchStatistics
+from .limits.lower_bound import lower_bound as lower_bound
+from .limits.lower_bound import LowerBound as LowerBound  # returned
 from .limits.peaks import trajectory_peaks as trajectory_peaks
 from .limits.peaks import TrajectoryPeaks as TrajectoryPeaks  # returned
 from .limits.peaks import Peak as Peak  # returned

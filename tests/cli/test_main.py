@@ -142,6 +142,7 @@ def test_doubts_are_told_before_the_answer_and_joints_that_nothing_holds_back_be
     assert lines[answer - 1].startswith("note: velocity limit 100 rad/s (joint1, joint2), more ")
     beside = "note: NEITHER an effort NOR an acceleration limit: joint1, joint2; "
     assert lines[answer + 1].startswith(beside)
+    assert lines[answer + 2].startswith("nothing is faster than 0.0")
     assert sum(line.startswith("note: velocity limit") for line in lines) == 1
 
 

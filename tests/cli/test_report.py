@@ -101,6 +101,7 @@ def test_what_configurations_in_common_save_is_told_where_it_is_something(small_
 def test_the_dearest_limits_of_the_whole_and_an_early_stop_are_told(small_plan):
     """Limits that cost nothing are not."""
     assert "stopped by" not in text_of(small_plan)
+    assert "\nnothing is faster than 0.2100 s: its moves and rests, one" in text_of(small_plan)
     dear = CycleSensitivity("velocity", "joint1", None, None, 0.031)
     free = CycleSensitivity("radius", None, "beside", 0, 0.0)
     text = text_of(replace(small_plan, sensitivities=(dear, free), stopped_by="time_limit"))

@@ -4,16 +4,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import anywhere, changed, limited_tool, one_joint
+from arms import rail_arm
+from cases import anywhere, changed, limited_tool, one_joint, pose_at, with_motors
+from gantry import gantry
+from small_cycle import planned_cycle, small_cycle
 
-from tubeplanner import GoalRegion, PlanningProblem, PlanOptions, Tube, load_robot, plan
-from tubeplanner.limits.lower_bound import (
-    least_duration,
-    rest_to_rest,
-    slowest_joint,
-    tool_travel,
+from tubeplanner import (
+    GoalRegion,
+    JointTrajectory,
+    LimitOverrides,
+    LowerBound,
+    PlanningProblem,
+    PlanOptions,
+    PointSpeed,
+    Tube,
+    load_problem,
+    load_robot,
+    lower_bound,
+    plan,
 )
-from tubeplanner.task.endpoints import ToolPose
+from tubeplanner.limits.lower_bound import distance_in, rest_to_rest, slowest_joint, tool_travel
+from tubeplanner.limits.speed_limits import minimum_duration
+from tubeplanner.task.endpoints import Seed, ToolPose
 
 INF, R, SPEED = np.inf, 0.1, 0.5
 
@@ -38,16 +50,19 @@ INF, R, SPEED = np.inf, 0.1, 0.5
 )
 def test_a_joint_alone_takes_its_double_s(distance, velocity, acceleration, jerk, expected):
     assert rest_to_rest(distance, velocity, acceleration, jerk) == pytest.approx(expected)
+    if expected > 0:
+        assert distance_in(expected, velocity, acceleration, jerk) == pytest.approx(distance)
 
 
 def test_a_single_joint_comes_as_near_as_knots_allow(tmp_path):
     robot = one_joint(tmp_path, effort=1e6, acceleration=10.0, jerk=200.0)
     problem = changed(anywhere(robot), goal=np.array([2.0]))
-    bound = slowest_joint(problem)
-    assert bound == rest_to_rest(2.0, 4.0, 10.0, 200.0)
-    duration = plan(problem, PlanOptions(slack=0.0)).duration
-    assert bound <= duration < 1.002 * bound
-    assert slowest_joint(changed(anywhere(robot), goal=None)) == 0.0
+    result = plan(problem, PlanOptions(slack=0.0))
+    bound = LowerBound(
+        rest_to_rest(2.0, 4.0, 10.0, 200.0), "acceleration of turn", "acceleration", "turn"
+    )
+    assert result.bound == lower_bound(problem) == bound
+    assert bound.duration <= result.duration < 1.002 * bound.duration
 
 
 @pytest.mark.parametrize(
@@ -58,8 +73,165 @@ def test_no_certified_motion_is_shorter(name, planned):
     problem, result = planned(name, "refinement")
     speed = result.peaks.tool_speed.value
     limited = problem.with_tube(replace(problem.tube, tool_speed=speed))
-    assert 0 < tool_travel(limited) <= result.duration
-    assert slowest_joint(problem) <= least_duration(limited) <= result.duration
+    travel = tool_travel(limited)
+    assert travel.reason == f"tool_speed of segment {travel.segment}"
+    assert 0 < travel.duration <= lower_bound(limited).duration <= result.duration
+
+
+@pytest.mark.parametrize(
+    ("bound", "duration", "text"),
+    [
+        (0.0, 1.0, ""),
+        (0.48699, 0.5018, "nothing is faster than 0.4869 s"),
+        (0.48699999, 0.5018, "nothing is faster than 0.4870 s"),
+        (0.50181, 0.50179, "nothing is faster than 0.5017 s"),
+    ],
+)
+def test_the_text_claims_no_more_than_is_proved_nor_than_was_planned(bound, duration, text):
+    assert LowerBound(bound).beside(duration) == text
+
+
+def test_with_a_period_the_bound_is_a_multiple_of_it(tmp_path):
+    problem = changed(anywhere(one_joint(tmp_path, acceleration=16.0)), goal=np.array([1.0]))
+    for period, expected in [(None, 0.5), (0.008, 0.504), (0.125, 0.5)]:
+        assert lower_bound(changed(problem, period=period)).duration == pytest.approx(expected)
+
+
+# --- random motions ------------------------------------------------------------------------------
+
+
+def random_motion(robot, rng):
+    """From rest to rest between random configurations, with a detour of every joint."""
+    low = np.maximum(robot.limits.lower_position, -3.0) * 0.9
+    high = np.minimum(robot.limits.upper_position, 3.0) * 0.9
+    start, goal = rng.uniform(low, high, (2, robot.joint_count))
+    detour = rng.normal(size=robot.joint_count) * rng.choice([0.0, 0.3, 3.0])
+    coefficients = np.zeros((8, 1, robot.joint_count))
+    coefficients[2:5, 0] = np.array([[6.0], [-15.0], [10.0]]) * (goal - start)
+    coefficients[1:5, 0] += np.array([[-1.0], [3.0], [-3.0], [1.0]]) * detour
+    coefficients[-1, 0] = start
+    return JointTrajectory(robot.joint_names, [0.0, 1.0], coefficients)
+
+
+ACCELERATION, JERK = {"acceleration": 12.0}, {"acceleration": 12.0, "jerk": 300.0}
+POINT = {"point_speed": (PointSpeed("forearm_link", (0, 0, 0.1), 0.5),), "tool_speed": 0.8}
+
+
+def ur5(**limits):
+    return load_robot("example:ur5", "tool0", limits=LimitOverrides(**limits))
+
+
+@pytest.mark.parametrize("limits", [{}, ACCELERATION, {"jerk": 300.0}, JERK, POINT])
+def test_no_random_motion_is_shorter(limits):
+    """Of configurations, of a goal's pose or position, from a seed, and with ranges of joints."""
+    robot, rng = ur5(**limits), np.random.default_rng(5)
+    ratios = []
+    for _ in range(8):
+        motion = random_motion(robot, rng)
+        start, goal = motion.position(0.0), motion.position(motion.duration)
+        ends = robot.tool_position(np.array([start, goal]))
+        tube = Tube(ends, 1000.0, tool_speed=0.8 if "tool_speed" in limits else None)
+        given = PlanningProblem(robot, tube, start, goal, self_collision=False)
+        duration = minimum_duration(given, motion)
+        bounds = [lower_bound(given).duration]
+        pose = pose_at(given, goal)
+        for start_, goal_ in [
+            (start, pose),
+            (start, None),
+            (Seed(start), pose),
+            (Seed(start), None),
+        ]:
+            bounds.append(lower_bound(changed(given, start=start_, goal=goal_)).duration)
+        assert max(bounds) <= duration * (1 + 1e-9)
+        assert min(bounds[:2]) > 0 and max(bounds[1:]) <= bounds[0]
+        ratios.append(duration / bounds[0])
+    assert min(ratios) < 3
+
+
+FREE, OUT = (-9.0, 9.0), (1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "start", "goal", "distances", "jerk"),
+    [
+        ([FREE, OUT, FREE], 0.0, 0.0, [1.0, 1.0], INF),
+        ([FREE, OUT, FREE], 0.0, 0.5, [1.0, 0.5], INF),
+        ([FREE, OUT, FREE], 0.0, 1.5, [1.5], 500.0),
+        ([(-1.0, 0.0), FREE, OUT], None, None, [1.0], 500.0),
+        ([(-1.0, 0.2), FREE, OUT, FREE, (-1.0, 0.0)], None, None, [0.8, 1.0], INF),
+        ([FREE, OUT, (-1.0, 1.0), FREE], None, 0.0, [1.0], INF),
+    ],
+)
+def test_ranges_of_segments_force_a_joint_on_and_back(
+    ranges, start, goal, distances, jerk, tmp_path
+):
+    """It has no velocity where it turns, but may have an acceleration: jerk does not count."""
+    robot = one_joint(tmp_path, acceleration=10.0, jerk=500.0)
+    points = np.outer(np.arange(len(ranges) + 1), [1e-3, 0, 0])
+    tube = Tube(points, 1000.0, joint_signs=[{"turn": each} for each in ranges])
+    start = Seed(np.zeros(1)) if start is None else [start]
+    goal = None if goal is None else [goal]
+    problem = PlanningProblem(robot, tube, start, goal, self_collision=False)
+    expected = sum(rest_to_rest(distance, 4.0, 10.0, jerk) for distance in distances)
+    assert slowest_joint(problem).duration == pytest.approx(expected, rel=1e-5)
+    anyhow = changed(problem, tube=replace(tube, visit="any"))
+    if goal is not None and not isinstance(start, Seed):
+        alone = rest_to_rest(goal[0] - start[0], 4.0, 10.0, 500.0)
+        assert slowest_joint(anyhow).duration == alone
+    else:
+        assert slowest_joint(anyhow).duration == 0
+
+
+# --- efforts of sliding joints -------------------------------------------------------------------
+
+
+def test_a_gantry_is_as_slow_as_its_mass_at_its_effort(tmp_path):
+    """3 kg along x, 1 kg across; gravity and friction brake too."""
+    limits = {"effort": {"along": 30.0, "across": 20.0}, "velocity": {"across": 1.0}}
+    problem = load_problem(gantry(tmp_path), changes={"robot.limits": limits})
+    problem = changed(problem, goal=np.array([0.5, 0.0]), self_collision=False)
+    bound, result = lower_bound(problem), plan(problem, PlanOptions(slack=0.0))
+    assert (bound.reason, bound.joint) == ("effort of along", "along")
+    assert bound.duration == pytest.approx(2 * np.sqrt(0.5 / 10.0))
+    assert bound.duration <= result.duration < 1.01 * bound.duration
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_random_motion_of_an_arm_on_a_rail_is_shorter(seed, tmp_path):
+    """Whatever the arm does, the rail moves the centre of mass; turning joints have no bound."""
+    (tmp_path / "rail.urdf").write_text(rail_arm())
+    robot = load_robot("rail.urdf", "flange", directory=tmp_path)
+    rail, limits = np.eye(6)[0], {"velocity": np.full(6, INF)}
+    friction = {"backwards_friction": 40 * rail, "forwards_friction": 20 * rail}
+    robot = with_motors(robot, limits=limits, armature=2 * rail, **friction)
+    rng = np.random.default_rng(seed)
+    ratios = []
+    for _ in range(10):
+        motion = random_motion(robot, rng)
+        start, goal = motion.position(0.0), motion.position(motion.duration)
+        problem = changed(anywhere(robot), start=start, goal=goal)
+        bound = lower_bound(problem)
+        assert bound.reason == "effort of rail"
+        ratios.append(minimum_duration(problem, motion) / bound.duration)
+    assert 1.0 <= min(ratios) < 4.0
+
+
+# --- cycles --------------------------------------------------------------------------------------
+
+
+def test_the_moves_and_rests_of_a_cycle_add_up():
+    """Its velocity limits are the largest velocities of the motion; it ends where it began."""
+    motion = planned_cycle().motion
+    velocity = abs(motion.trajectory.per_piece(50).velocity).max(axis=0) * 1.0001
+    a, b, c = (q.tolist() for q in motion.junctions[:3])
+    limits = {"robot__limits__velocity": dict(zip(("joint1", "joint2"), velocity, strict=True))}
+    ends = {"start": {"joints": a}, "moves__over__goal": {"joints": b}}
+    steps = abs(np.diff([a, b, c, a], axis=0)) / velocity
+    rests = 0.05 + 0.06 + 0.1
+    known = lower_bound(small_cycle(**limits, **ends, moves__beside__goal={"joints": c}))
+    assert known.duration == pytest.approx(rests + steps.max(axis=1).sum())
+    part = lower_bound(small_cycle(**limits, **ends)).duration
+    assert rests + steps[0].max() < part < known.duration < motion.trajectory.duration
 
 
 # --- the tool through the tube -------------------------------------------------------------------
@@ -101,7 +273,7 @@ BOX = {"box": [0.2, 0.04], "up": [0, 0, 1]}
     ],
 )
 def test_the_least_way_through_a_tube(problem, length):
-    assert tool_travel(problem) == pytest.approx(length / SPEED, rel=2e-4, abs=1e-9)
+    assert tool_travel(problem).duration == pytest.approx(length / SPEED, rel=2e-4, abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -112,7 +284,7 @@ def test_no_way_through_a_random_tube_is_shorter(seed):
     radius, speed = rng.uniform(0.01, 0.4, (2, len(points) - 1))
     goal = GoalRegion(points[-1], radius[-1])
     problem = through(points, goal, radius, speed, pass_through_points="none")
-    bound = tool_travel(problem)
+    bound = tool_travel(problem).duration
     passing = np.minimum(np.append(radius, radius[-1]), np.append(radius[0], radius))
     passing[0] = 0.0
     direct = points[0] - points
@@ -129,4 +301,4 @@ def test_in_a_tube_for_two_link_arms_the_tool_may_be_beside_the_end():
     """That arm does not reach all points of the ball: its tool is anywhere in it."""
     problem = limited_tool(tube_speed=SPEED, count=1)
     length = np.linalg.norm(np.diff(problem.tube.points, axis=0))
-    assert tool_travel(problem) == pytest.approx((length - 2 * 0.05) / SPEED, rel=1e-4)
+    assert tool_travel(problem).duration == pytest.approx((length - 2 * 0.05) / SPEED, rel=1e-4)

@@ -119,6 +119,7 @@ FUNCTIONS = {
     "find_route": "problem options progress",
     "verify": "problem trajectory tolerance",
     "trajectory_peaks": "robot trajectory",
+    "lower_bound": "task=problem",
     "scaling_factor": "problem q v a jerk segment",
     "load_problem": "name directory reads_tube changes",
     "load_cycle": "name directory changes",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases import SHORTEST
 
-from tubeplanner import PlanningProblem, PlanOptions, Seed, Tube, plan, verify
+from tubeplanner import LowerBound, PlanningProblem, PlanOptions, Seed, Tube, plan, verify
 from tubeplanner.optimizer.tube_phases import tube_chains
 from tubeplanner.outcome import PlanningClock
 from tubeplanner.planning import refined_plan as module
@@ -118,7 +118,7 @@ def test_other_knots_follow_an_answer_that_may_be_faster(
 
     monkeypatch.setattr(module, "Refinement", Watched)
     monkeypatch.setattr(result_module, "unused_speed", of_speed)
-    monkeypatch.setattr(result_module, "least_duration", lambda problem: bound)
+    monkeypatch.setattr(result_module, "lower_bound", lambda problem: LowerBound(bound))
     answer = plan(problem, PlanOptions(slack=0.0, quality=quality))
     assert begun[: len(starts)] == starts
     assert quality == "best" or len(begun) == len(starts)

@@ -177,6 +177,7 @@ def test_the_command_as_json_and_its_exit_status(run, tmp_path):
     fields = json.loads(out)
     assert (status, fields["status"]) == (1, "no_trajectory")
     assert fields["message"] == "0 of 1 certified"
+    assert fields["bound"]["reason"] == "nothing is known"  # only efforts are limited
     (row,) = fields["rows"]
     assert tuple(row) == KEYS
     assert row["failures"]["rest"]["unit"] == "relative"

@@ -41,6 +41,7 @@ def test_a_row_is_what_plan_answers_to_the_last_bit():
     row, result = row_of(), plan(load_problem(PROBLEM), QUICK)
     assert (row.status, row.duration, row.message) == ("success", result.duration, result.message)
     assert (row.shortest_duration, row.method) == (result.shortest_duration, result.method)
+    assert row.bound == result.bound.duration
     assert (row.notes, row.where, row.key) == (result.notes, Location(), "key")
     assert (row.runs, row.runs_failed) == (None, None)
     assert min(row.planning_time, row.loading_time) > 0

@@ -100,6 +100,9 @@ def comparison_text(result: Comparison) -> str:
     if count < len(_MEASURED):
         names = ", ".join(_MEASURED[count:])
         lines.append(f"left out, the terminal being narrow: {names}; -o TABLE.csv has all")
+    durations = [row.duration for row in result.rows if row.certified and row.duration is not None]
+    if least := result.bound.beside(min(durations, default=0.0)):
+        lines.append(f"{least}: {result.bound.reason}")
     lines += [f"{row.method}: {row.message}" for row in result.rows]
     width = terminal().width  # lines that fit stay unchanged, with their runs of spaces
     wrap = TextWrapper(

@@ -252,7 +252,14 @@ def say_files(requested: Sequence[Path], *options: str) -> None:
 
 def empty_report(status: str, message: str, where: dict[str, Any] | None = None) -> dict[str, Any]:
     """Return the JSON object of a run without its numbers; by default, its place is empty."""
-    numbers = ("duration", "phase1_duration", "planning_time", "certificate_time", "loading_time")
+    numbers = (
+        "duration",
+        "bound",
+        "phase1_duration",
+        "planning_time",
+        "certificate_time",
+        "loading_time",
+    )
     return {
         "status": status,
         "message": message,

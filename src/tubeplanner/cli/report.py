@@ -70,7 +70,7 @@ def plan_text(
         lines.append(certificate_text(result.certificate))
         lines += left_out_lines(result.certificate)
     before, beside, after = _sorted_notes(result.notes, robot, task_doubts(task))
-    lines += [*before, f"{result.status}: {result.message}", *beside]
+    lines += [*before, f"{result.status}: {result.message}", *beside, *bound_lines(result)]
     if savings_text := "; ".join(savings(result.sensitivities)[:_SENSITIVITIES_SHOWN]):
         lines.append(f"raising a limit by 10 % would save{of_cycle}: {savings_text}")
     if isinstance(result, CycleResult):
@@ -85,6 +85,14 @@ def plan_text(
     if result.stopped_by is not None:
         lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
     return "\n".join([*lines, *geometry_lines(task)])
+
+
+def bound_lines(result: "PlanResult | CycleResult") -> list[str]:
+    """Return a line on the lower bound on an answer's duration, if there is one."""
+    if result.bound is None or result.duration is None:
+        return []
+    least = result.bound.beside(result.duration)
+    return [f"{least}: {result.bound.reason}"] * bool(least)
 
 
 def check_lines(motion: Motion, certificate: Certificate | CycleCertificate) -> list[str]:

@@ -10,7 +10,7 @@ import click
 from rich.markup import escape
 
 from tubeplanner.cli import console
-from tubeplanner.cli.report import new_table, rendered
+from tubeplanner.cli.report import bound_lines, new_table, rendered
 from tubeplanner.errors import OptionError
 from tubeplanner.output.files.new_problem_files import notes_on_dropped, read_cell, taught_problem
 from tubeplanner.output.files.problem_file import (
@@ -305,6 +305,7 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
         )
     lines += [f"note: {note}" for note in answer.notes]
     lines.append(f"{answer.status}: {answer.message}")
+    lines += [] if answer.answer is None else bound_lines(answer.answer.result)
     if answer.answer is not None and answer.recorded_duration is not None:
         before, after = answer.recorded_duration, answer.answer.duration
         lines.append(

@@ -1,35 +1,166 @@
-"""A proved lower bound on the duration of all motions of a problem.
+"""A proved lower bound on the duration of all motions of a problem or a cycle.
 
 No motion that keeps the conditions is shorter. The bound is the largest of several, each of which
-takes a part of the conditions alone: one joint from start to goal, or the tool through the tube. A
-certificate's tolerance of 1e-6 is not part of it.
+takes a part of the conditions alone: one joint through its ranges, a sliding joint at its efforts,
+the tool from start to goal by all joints together, or a point at its speed limits. A certificate's
+tolerance of 1e-6 is not part of it.
 """
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.errors import ProblemError
 from tubeplanner.geometry.tube.points import MIN_LENGTH, passing_radius
 from tubeplanner.geometry.tube.regions import Capsules, SegmentRegions
-from tubeplanner.limits.rates import ToolSpeed
+from tubeplanner.limits.rates import RATES, PointSpeedLimit, ToolSpeed
+from tubeplanner.outcome import MARGIN_TOLERANCE
+from tubeplanner.robot.urdf import followers_of
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.motion import Task
 from tubeplanner.task.problem import PlanningProblem
 
-
-def least_duration(problem: PlanningProblem) -> float:
-    """Return a lower bound on the duration of all motions of a problem [s]; 0: nothing is known."""
-    return max(slowest_joint(problem), tool_travel(problem))
+_DECIMALS = 1e4  # of the texts of durations
+_ROUNDING = 1e-2  # of the last decimal, or of a period: a bound this little below counts as there
 
 
-# ---- One joint alone: every motion moves it from rest to rest under its limits.
+@dataclass(frozen=True)
+class LowerBound:
+    """A proved lower bound on the duration of all motions of a problem or a cycle.
+
+    Attributes:
+        duration: No motion is shorter [s]; 0: nothing is known.
+        reason: What decides, in words.
+        limit: The limit that decides, as a sensitivity's; None: several limits, or none.
+        joint: Its joint; None: not a joint's limit.
+        segment: Its segment of the tube; None: not a segment's limit.
+    """
+
+    duration: float = 0.0
+    reason: str = "nothing is known"
+    limit: str | None = None
+    joint: str | None = None
+    segment: int | None = None
+
+    def beside(self, duration: float = np.inf) -> str:
+        """Return the bound as text beside a duration [s]; empty if nothing is known.
+
+        Rounded downwards, and never above the duration: a certificate's tolerance may be used.
+        """
+        least = np.floor(min(self.duration, duration) * _DECIMALS + _ROUNDING) / _DECIMALS
+        return f"nothing is faster than {least:.4f} s" if least > 0 else ""
 
 
-def slowest_joint(problem: PlanningProblem) -> float:
-    """Return the least time of the slowest joint from start to goal [s]; 0 if an end is open."""
-    start, goal = (end.joints for end in problem.endpoints)
-    if start is None or goal is None:
-        return 0.0
-    limits = problem.robot.limits
-    columns = abs(goal - start), limits.velocity, limits.acceleration, limits.jerk
-    return max(rest_to_rest(*row) for row in np.column_stack(columns).tolist())
+def lower_bound(task: Task) -> LowerBound:
+    """Return a lower bound on the duration of all motions of a problem or a cycle [s].
+
+    Of a cycle, the sum over its legs and rests. Where a leg ends in no given configuration, over
+    all configurations there.
+
+    Args:
+        task: The problem or the cycle.
+
+    Raises:
+        ProblemError: It is neither.
+    """
+    if not isinstance(task, Cycle):
+        PlanningProblem.require(task)
+        return _of_problem(task)
+    problems = [task.problem_from_anywhere(k) for k in range(len(task.legs))]
+    junctions = [problems[0].start, *(each.goal for each in problems)]
+    if task.closed and not isinstance(junctions[-1], np.ndarray):
+        junctions[-1] = junctions[0]
+    duration = task.after.duration
+    for leg, problem, (start, goal) in zip(task.legs, problems, pairwise(junctions), strict=True):
+        with suppress(ProblemError):  # a leg that cannot begin or end there has no motion
+            problem = replace(
+                problem,
+                start=start if isinstance(start, np.ndarray) else problem.start,
+                goal=goal if isinstance(goal, np.ndarray) else problem.goal,
+            )
+        duration += leg.before.duration + _of_problem(problem).duration
+    return LowerBound(duration, "its moves and rests, one after the other")
+
+
+def _of_problem(problem: PlanningProblem) -> LowerBound:
+    """Return the largest of the bounds of a problem; with a period, the next multiple of it."""
+    parts = slowest_joint, slowest_slide, all_joints, slowest_point, tool_travel
+    best = max((part(problem.joined) for part in parts), key=lambda each: each.duration)
+    if problem.period is None:
+        return best
+    periods = np.ceil(best.duration / problem.period - _ROUNDING)
+    return replace(best, duration=float(periods * problem.period))
+
+
+# ---- One joint alone: every motion moves it from rest to rest, through the ranges of all segments.
+#
+# At start, hand-overs and goal, in this order, a joint is in the intervals I_0, ... I_m: its
+# configuration there, or the ranges of the segments that meet. Its least way is that of a joint
+# which moves no farther than the next interval asks. Where this way turns, the joint is at an
+# extreme value and has no velocity, so that the times of the pieces between add up; but it may have
+# an acceleration there, and the jerk limit does not count. It counts from I_0 to I_m, since the
+# joint rests in both: no motion from rest to rest over at least that distance is shorter.
+
+_MORE = 1.1  # a limit decides where this factor of it would take most from the bound
+
+
+def slowest_joint(problem: PlanningProblem) -> LowerBound:
+    """Return the least time of the slowest joint through its ranges, from rest to rest [s]."""
+    limits, names = problem.robot.limits, problem.robot.joint_names
+    gap, ways = _least_ways(problem)
+
+    def least_time(joint: int, velocity: float, acceleration: float, jerk: float) -> float:
+        pieces = [rest_to_rest(way, velocity, acceleration, np.inf) for way in ways[joint]]
+        return max(rest_to_rest(gap[joint], velocity, acceleration, jerk), sum(pieces))
+
+    rows = np.column_stack([getattr(limits, name) for name in RATES]).tolist()
+    times = [least_time(joint, *row) for joint, row in enumerate(rows)]
+    joint = int(np.argmax(times))
+    if times[joint] == 0:
+        return LowerBound()
+    higher = np.where(np.eye(len(RATES), dtype=bool), _MORE, 1.0) * rows[joint]
+    limit = list(RATES)[int(np.argmin([least_time(joint, *row) for row in higher.tolist()]))]
+    return LowerBound(times[joint], f"{limit} of {names[joint]}", limit, names[joint])
+
+
+def _least_ways(problem: PlanningProblem) -> tuple[list[float], list[list[float]]]:
+    """Return the distance of each joint from I_0 to I_m, and the pieces of its least way."""
+    lower, upper = problem.joint_lower, problem.joint_upper
+    if problem.tube.visit == "any":
+        lower, upper = lower.min(axis=0, keepdims=True), upper.max(axis=0, keepdims=True)
+    low = np.vstack([lower[:1], np.maximum(lower[:-1], lower[1:]), lower[-1:]]) - MARGIN_TOLERANCE
+    high = np.vstack([upper[:1], np.minimum(upper[:-1], upper[1:]), upper[-1:]]) + MARGIN_TOLERANCE
+    for row, end in zip((0, -1), problem.endpoints, strict=True):
+        if end.joints is not None:
+            low[row] = high[row] = end.joints
+    gap = np.maximum(np.maximum(low[-1] - high[0], low[0] - high[-1]), 0.0)
+    return gap.tolist(), [
+        _pieces(list(zip(*ends, strict=True)))
+        for ends in zip(low.T.tolist(), high.T.tolist(), strict=True)
+    ]
+
+
+def _pieces(intervals: list[tuple[float, float]]) -> list[float]:
+    """Return the lengths of the least way through intervals in order, from turn to turn."""
+    low, high = -np.inf, np.inf  # all intervals so far meet here
+    steps: list[float] = []
+    is_under_way, position = False, 0.0
+    for below, above in intervals:
+        if not is_under_way and max(low, below) <= min(high, above):
+            low, high = max(low, below), min(high, above)
+            continue
+        if not is_under_way:
+            is_under_way, position = True, high if below > high else low
+        step = max(below - position, 0.0) + min(above - position, 0.0)
+        position += step
+        if steps and step * steps[-1] > 0:
+            steps[-1] += step
+        elif step != 0:
+            steps.append(step)
+    return [abs(step) for step in steps]
 
 
 def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: float) -> float:
@@ -55,6 +186,159 @@ def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: fl
     root = float(np.hypot(rise / 2, np.sqrt(distance / acceleration)))
     peak = min(velocity, distance / (rise / 2 + root))
     return distance / peak + peak / acceleration + rise
+
+
+# ---- A sliding joint whose axis never turns, with its effort.
+#
+# The bodies that it carries have the momentum p = sum m_k (x_k)' along its axis, x_k the centres of
+# mass, and its rotor r q', so that y = sum m_k x_k + r q has
+#
+#   y'' = effort - friction + gravity's force along the axis,  |y''| <= limit + friction + gravity.
+#
+# Between given configurations y moves by a known distance, at rest at both ends, whatever the other
+# joints do. If all joints slide, y' = sum M_jk q'_k with a constant M, and the joints' limits bound
+# all rates of y too. There is no such bound for a turning joint: its momentum is no rate of a
+# function of the configuration, and turns of the others move it without effort of its own.
+
+_PARALLEL = 1e-9  # largest sine of the angle between parallel axes
+
+
+def slowest_slide(problem: PlanningProblem) -> LowerBound:
+    """Return the least time of sliding joints between given configurations at their efforts [s]."""
+    robot, (start, goal) = problem.robot, (end.joints for end in problem.endpoints)
+    if start is None or goal is None or robot.revolute.all():
+        return LowerBound()
+    if followers_of(robot.urdf, robot.joint_names):
+        return LowerBound()
+    limits, motors = robot.limits, robot.motors
+    mass = np.array([body.mass for body in robot.inertias])
+    com = np.array([body.com for body in robot.inertias])
+    rotation, position = robot.body_poses(np.array([start, goal]))
+    moved = mass[:, None] * np.diff(position + (rotation @ com[..., None])[..., 0], axis=0)[0]
+    axes = (rotation[0, 1:] @ robot.chain.axes[..., None])[..., 0]
+    still = np.zeros((1, robot.joint_count))
+    inertia = abs(robot.inverse_dynamics_derivatives(start[None], still, still)[2][0])
+    best = LowerBound()
+    for body in np.flatnonzero(~robot.body_is_revolute)[1:]:
+        j, axis = int(robot.body_joints[body]), axes[body - 1]
+        turning = robot.body_is_revolute & robot.joint_moves_body[body, robot.body_joints]
+        if (np.linalg.norm(np.cross(axes[turning[1:]], axis), axis=1) > _PARALLEL).any():
+            continue
+        carried = robot.joint_moves_body[:, j]
+        way = float(moved[carried].sum(axis=0) @ axis + motors.armature[j] * (goal - start)[j])
+        sliding = max(motors.backwards_friction[j], motors.forwards_friction[j])
+        if motors.viscous_friction[j] > 0:
+            sliding += motors.viscous_friction[j] * limits.velocity[j]
+        force = limits.effort[j] + abs(mass[carried].sum() * robot.gravity @ axis)
+        force += (1 + motors.friction_uncertainty) * sliding
+        rates = [np.inf, force, np.inf]
+        if not robot.revolute.any():
+            moves = inertia[j] > 0
+            own = [float(inertia[j, moves] @ getattr(limits, name)[moves]) for name in RATES]
+            rates = [min(pair) for pair in zip(rates, own, strict=True)]
+        if (duration := rest_to_rest(abs(way), *rates)) > best.duration:
+            name = robot.joint_names[j]
+            best = LowerBound(duration, f"effort of {name}", "effort", name)
+    return best
+
+
+# ---- All joints together: the tool from start to goal, where an end is no given configuration.
+#
+# In a time T from rest to rest, joint j moves by at most d_j(T), the inverse of `rest_to_rest`. One
+# after the other from the base to the tip, the joints bring the tool from start to goal: joint j
+# moves it by at most r_j d_j, where r_j is its lever arm, and turns it by at most d_j. So
+#
+#   sum r_j d_j(T) >= distance of the tool,  and  sum of turning joints' d_j(T) >= its rotation.
+#
+# A lever arm depends on the joints after j alone, which have not moved yet: it is that of the given
+# configuration; without one, the largest of all.
+
+_HALVINGS = 50
+
+
+def all_joints(problem: PlanningProblem) -> LowerBound:
+    """Return the least time in which all joints bring the tool from start to goal [s]."""
+    robot, ends = problem.robot, problem.endpoints
+    configurations = [end.joints for end in ends if end.joints is not None]
+    if len(configurations) == len(ends):  # then the slowest joint takes longer
+        return LowerBound()
+    centres, radii = zip(*[_end_ball(problem, index) for index in (0, -1)], strict=True)
+    distance = float(np.linalg.norm(centres[1] - centres[0])) - sum(radii)
+    body, none = np.array([robot.link_body[robot.tool_frame]]), np.zeros(1)
+    lever = robot.approach_rates((body, 0 * body), (none + robot.tool_reach, none))[0]
+    times = []
+    if not followers_of(robot.urdf, robot.joint_names):
+        if configurations:
+            columns = robot.tool_jacobian(configurations[0])[1][:3]
+            lever = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+        poses = [end.pose for end in ends if end.pose is not None]
+        rotations = [pose.rotation for pose in poses]
+        rotations += [robot.tool_pose(q)[0] for q in configurations]
+        if len(rotations) == len(ends):
+            turn = poses[0].errors(rotations[1], poses[0].position)[1]
+            times.append((_time_together(problem, robot.revolute.astype(float), turn), "rotation"))
+    times.append((_time_together(problem, lever, distance), "position"))
+    duration, what = max(times)
+    return LowerBound(duration, f"all joints together, for the tool's {what} at the goal")
+
+
+def _time_together(problem: PlanningProblem, lever: FloatArray, distance: float) -> float:
+    """Return the least T with sum r_j d_j(T) >= a distance for lever arms (n,), by bisection [s].
+
+    With the peak velocity p, d = p (T - change(p)), where either change of velocity takes T/2 at
+    most (see `rest_to_rest`).
+    """
+    moves, limits = lever > 0, problem.robot.limits
+    if distance <= 0 or not moves.any():
+        return 0.0
+    rates = np.column_stack([getattr(limits, name)[moves] for name in RATES]).tolist()
+
+    def reached(time: float) -> float:
+        return float(lever[moves] @ [distance_in(time, *row) for row in rates])
+
+    low, high = 0.0, 1e-3
+    while reached(high) < distance:
+        low, high = high, 2 * high
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if reached(middle) >= distance else (middle, high)
+    return low
+
+
+def distance_in(time: float, velocity: float, acceleration: float, jerk: float) -> float:
+    """Return the largest distance of a joint from rest to rest in a time: [s] to [rad or m].
+
+    The inverse of `rest_to_rest`; limits as there.
+    """
+    if np.isinf(acceleration) and np.isinf(jerk):
+        return velocity * time
+    rise = acceleration / jerk
+    peak = jerk * time**2 / 16 if time < 4 * rise else acceleration * (time / 2 - rise)
+    peak = min(velocity, peak)
+    if peak < rise * acceleration:
+        return peak * (time - 2 * float(np.sqrt(peak / jerk)))
+    return peak * (time - peak / acceleration - rise)
+
+
+# ---- Points alone: no faster than their speed limits.
+
+
+def slowest_point(problem: PlanningProblem) -> LowerBound:
+    """Return the least time of points with a speed limit between given configurations [s]."""
+    robot, (start, goal) = problem.robot, (end.joints for end in problem.endpoints)
+    best = LowerBound()
+    if start is None or goal is None:
+        return best
+    for k, point in enumerate(robot.limits.point_speed):
+        rotation, position = robot.body_poses(np.array([start, goal]))
+        body, pose = robot.link_body[point.link], robot.link_placement[point.link]
+        local = pose[:3, :3] @ np.array(point.position) + pose[:3, 3]
+        way = np.diff(rotation[:, body] @ local + position[:, body], axis=0)
+        duration = float(np.linalg.norm(way)) / point.speed
+        if duration > best.duration:
+            reason = f"{PointSpeedLimit.kind} of point {k}, on {point.link}"
+            best = LowerBound(duration, reason, PointSpeedLimit.kind)
+    return best
 
 
 # ---- The tool alone: it goes through the tube no faster than its speed limits.
@@ -85,14 +369,18 @@ _TINY = np.finfo(float).tiny
 _Held = tuple[SegmentRegions, IntArray, IntArray]
 
 
-def tool_travel(problem: PlanningProblem) -> float:
-    """Return the least time of the tool through the tube at its speed limits [s]; 0 without any."""
+def tool_travel(problem: PlanningProblem) -> LowerBound:
+    """Return the least time of the tool through the tube at its speed limits [s]; 0 without any.
+
+    The segment that decides is the one in which the tool takes longest.
+    """
     problem = problem.joined
     tube, count = problem.tube, problem.tube.segment_count
     weight = 1 / ToolSpeed(problem).limit  # [s/m]
     centres, radii = map(list, zip(*[_end_ball(problem, index) for index in (0, -1)], strict=True))
     if tube.visit == "any":
-        return _least_time(weight.min(keepdims=True), [_balls(centres, radii, [0, 1])])
+        time, _ = _least_time(weight.min(keepdims=True), [_balls(centres, radii, [0, 1])])
+        return LowerBound(time, ToolSpeed.kind, ToolSpeed.kind)
     numbers = [0, count]
     passing, beside = passing_radius(tube.effective_radius), weight.copy()
     for k in tube.compulsory_points.tolist():
@@ -105,7 +393,9 @@ def tool_travel(problem: PlanningProblem) -> float:
     points, segments = np.concatenate([every, every + 1]), np.concatenate([every, every])
     is_free = ~np.isin(points, numbers[2:])
     held = tube.regions, points[is_free], segments[is_free]
-    return _least_time(weight, [_balls(centres, radii, numbers), held])
+    time, longest = _least_time(weight, [_balls(centres, radii, numbers), held])
+    segment = tube.segment_number(longest)
+    return LowerBound(time, f"{ToolSpeed.kind} of segment {segment}", ToolSpeed.kind, None, segment)
 
 
 def _end_ball(problem: PlanningProblem, index: int) -> tuple[FloatArray, float]:
@@ -122,14 +412,16 @@ def _balls(centres: list[FloatArray], radii: list[float], points: list[int]) -> 
     return balls, np.array(points), np.arange(len(points))
 
 
-def _least_time(weight: FloatArray, held: list[_Held]) -> float:
+def _least_time(weight: FloatArray, held: list[_Held]) -> tuple[float, int]:
     """Return a lower bound on sum w_k |p_k+1 - p_k| of m+1 points in regions, for weights (m,).
+
+    And the index of the largest term.
 
     With D for the differences of points and S for the point of every region, the method's terms are
     |D p - z + u|^2 + |S p - y + n|^2. The multipliers u and n are lengths.
     """
     if not weight.any():  # no limit
-        return 0.0
+        return 0.0, 0
     from scipy.linalg import cho_solve_banded, cholesky_banded
 
     at = np.concatenate([points for _, points, _ in held])
@@ -168,7 +460,7 @@ def _least_time(weight: FloatArray, held: list[_Held]) -> float:
             normals[narrowest] += difference(u) - summed(n)
             most = sum(map(_most, held, np.split(normals, splits)))
             best = max(best, -most / per_weight)
-    return best
+    return best, int((weight * np.linalg.norm(z, axis=1)).argmax())
 
 
 def _most(held: _Held, normal: FloatArray) -> float:

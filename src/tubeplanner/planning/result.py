@@ -15,7 +15,7 @@ from tubeplanner.errors import FormerName
 from tubeplanner.first_guess.branch_and_bound import SearchStatistics
 from tubeplanner.first_guess.suh_bishop import PhaseTwoStatistics
 from tubeplanner.geometry.tube.points import arc_lengths
-from tubeplanner.limits.lower_bound import least_duration
+from tubeplanner.limits.lower_bound import LowerBound, lower_bound
 from tubeplanner.limits.peaks import TrajectoryPeaks, peaks_as_dict, trajectory_peaks
 from tubeplanner.limits.speed_limits import unused_speed
 from tubeplanner.native.library import LIBRARY
@@ -62,6 +62,7 @@ class TaskResult:
             there is an answer, or planning was stopped.
         starts_tried: Number of configurations or branches from which the search failed; None
             unless `proved` is False.
+        bound: Lower bound on the duration of all motions of the task; None without an answer.
     """
 
     status: PlanStatus
@@ -75,6 +76,7 @@ class TaskResult:
     notes: tuple[str, ...] = ()
     proved: bool | None = None
     starts_tried: int | None = None
+    bound: LowerBound | None = None
 
     place = FormerName("location")
 
@@ -101,6 +103,7 @@ class TaskResult:
             "where": self.location.as_dict(),
             "proved": self.proved,
             "starts_tried": self.starts_tried,
+            "bound": None if self.bound is None else asdict(self.bound),
             "planning_time": self.planning_time,
             "certificate_time": self.certificate_time,
             "stopped_by": self.stopped_by,
@@ -115,7 +118,7 @@ class TaskResult:
 # Of the command line's JSON, in order.
 _JSON_FIELDS = (
     *("status", "message", "where", "proved", "starts_tried"),
-    *("duration", "shortest_duration", "greedy_duration", "phase1_duration"),
+    *("duration", "bound", "shortest_duration", "greedy_duration", "phase1_duration"),
     *("planning_time", "certificate_time", "stopped_by"),
     *(each.name for each in fields(TrajectoryPeaks)),
     *("method", "build", "moves", "marks", "notes", "sensitivities", "search", "phase_two"),
@@ -271,7 +274,7 @@ def judged_result(
 def _unused_note(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
     """Return the note on a trajectory that leaves speed unused and is above the lower bound."""
     unused = unused_speed(problem, trajectory)
-    bound = least_duration(problem) if unused > _MAX_UNUSED else np.inf
+    bound = lower_bound(problem).duration if unused > _MAX_UNUSED else np.inf
     if trajectory.duration <= _MAX_ABOVE * bound:
         return ()
     least = f", of {bound:.4g} s at least" if bound > 0 else ""

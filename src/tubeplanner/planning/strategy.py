@@ -10,6 +10,7 @@ from tubeplanner.certificate.verification import judged_visits, verify_cycle
 from tubeplanner.checks import checked_options
 from tubeplanner.errors import OptionError
 from tubeplanner.execution.mujoco_model import require_mujoco, require_no_followers
+from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.outcome import (
     Location,
@@ -125,7 +126,9 @@ class Planner:
         result, problem = _written(shortest, options, clock), shortest.problem
         notes = (*robot_notes(problem.robot), *problem.tube.notes, *doubts, *result.notes)
         result = with_diagnosis(of_poses(task, result))
-        return replace(result, planning_time=clock.elapsed, notes=tuple(dict.fromkeys(notes)))
+        bound = lower_bound(task) if result.succeeded else None
+        notes = tuple(dict.fromkeys(notes))
+        return replace(result, bound=bound, planning_time=clock.elapsed, notes=notes)
 
 
 def _written(shortest: LegPlan, options: PlanOptions, clock: PlanningClock) -> PlanResult:
@@ -240,7 +243,8 @@ def plan_cycle(
                 break
     except BlockedLeg as blocked:
         result = _blocked(cycle, blocked, options, clock)
-    return replace(result, notes=(*doubts, *result.notes))
+    bound = lower_bound(cycle) if result.succeeded else None
+    return replace(result, bound=bound, notes=(*doubts, *result.notes))
 
 
 def _cycle_result(

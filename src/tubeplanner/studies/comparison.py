@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from tubeplanner.certificate.verification import Certificate
 from tubeplanner.checks import checked_options, checked_row
 from tubeplanner.errors import OptionError, TubePlannerError, unknown_name
 from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
+from tubeplanner.limits.lower_bound import LowerBound, lower_bound
 from tubeplanner.limits.path_samples import PathSamples
 from tubeplanner.limits.speed_limits import largest_use, speed_limits
 from tubeplanner.limits.tube_membership import current_segments, tube_use
@@ -205,9 +206,14 @@ class Comparison(RowTable):
         """True if any method has a certified trajectory."""
         return any(row.certified for row in self.rows)
 
+    @cached_property
+    def bound(self) -> LowerBound:
+        """Lower bound on the duration of all motions of the problem."""
+        return lower_bound(self.problem)
+
     def as_dict(self) -> dict[str, Any]:
         """Return the comparison as JSON values."""
-        return self.table(problem=self.problem.name)
+        return self.table(problem=self.problem.name, bound=asdict(self.bound))
 
     def csv(self) -> str:
         """Return the rows as CSV; `failures` has NAME=MARGIN, spaces between them."""

@@ -65,6 +65,12 @@ class Row:
         return None if self.result is None else self.result.shortest_duration
 
     @property
+    def bound(self) -> float | None:
+        """Lower bound on the duration of all motions [s]; None without a motion."""
+        bound = None if self.result is None else self.result.bound
+        return None if bound is None else bound.duration
+
+    @property
     def method(self) -> str | None:
         """Method of the plan; None without a plan."""
         return None if self.result is None else self.result.method

@@ -302,6 +302,7 @@ class StudyRow:
             process died or the program failed.
         duration: Duration of the certified motion [s]; None if there is none.
         shortest_duration: Duration of the shortest certified motion [s]; None if there is none.
+        bound: Lower bound on the duration of all motions [s]; None without a motion.
         planning_time: Wall time from the loaded problem to the certified result [s]; None without a
             plan.
         loading_time: Wall time of reading the problem [s]; None if reading failed.
@@ -322,6 +323,7 @@ class StudyRow:
     status: PlanStatus
     duration: float | None = None
     shortest_duration: float | None = None
+    bound: float | None = None
     planning_time: float | None = None
     loading_time: float | None = None
     runs: int | None = None
@@ -366,8 +368,8 @@ class StudyRow:
 
 _REFUSED = "status", "message", "where", "notes"
 _PLANNED = (
-    *("status", "message", "where", "duration", "shortest_duration", "method", "planning_time"),
-    *("runs", "runs_failed", "notes"),
+    *("status", "message", "where", "duration", "shortest_duration", "bound", "method"),
+    *("planning_time", "runs", "runs_failed", "notes"),
 )
 
 

@@ -18,6 +18,7 @@ from typing import Any
 from tubeplanner.checks import checked_options, checked_row, in_figures, is_finite, is_number
 from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.optimizer.stages import Sensitivity
 from tubeplanner.outcome import PlanningClock, Progress, ProgressCallback, StoppedBy
 from tubeplanner.planning.options import PlanOptions
@@ -83,8 +84,8 @@ class SweepRow(Row):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the row as JSON values."""
-        answer = "status", "duration", "elasticity", "slope", "method", "planning_time", "message"
-        return columns(self, ("value", "radii", *answer, "note"))
+        answer = "status", "duration", "bound", "elasticity", "slope", "method", "planning_time"
+        return columns(self, ("value", "radii", *answer, "message", "note"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +108,8 @@ class FieldRow(Row):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the row as JSON values."""
-        answer = "status", "duration", "shortest_duration", "runs", "runs_failed", "method"
-        more = "planning_time", "loading_time", "message", "notes"
+        answer = "status", "duration", "shortest_duration", "bound", "runs", "runs_failed"
+        more = "method", "planning_time", "loading_time", "message", "notes"
         return columns(self, ("value", *answer, *more))
 
 
@@ -185,7 +186,7 @@ def _judged(
     if set(trajectory.joint_names) != set(loaded.robot.joint_names):
         return None
     judged = certified_result(loaded, trajectory, result.method, PlanningClock(None, None))
-    return judged if judged.succeeded else None
+    return replace(judged, bound=lower_bound(loaded)) if judged.succeeded else None
 
 
 # ---- Duration against tolerance: one problem planned at several radii.

@@ -33,6 +33,7 @@ from tubeplanner.task.steps import Event
 def test_a_figure_shows_every_joint_against_its_limits(stored, tmp_path):
     problem, trajectory = stored("ur5/level_tray")
     figure = plot_trajectory(problem, trajectory)
+    assert f"{trajectory.duration:.4f} s; nothing is faster than 0." in figure.get_suptitle()
     strip, position, velocity, effort, speed, use, clearance, space = figure.axes
     n = problem.robot.joint_count
     labels = [label.get_text() for label in strip.get_yticklabels()]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.output.curves import (
     Timeline,
     TrajectoryCurves,
@@ -99,7 +100,8 @@ def plot_motion(motion: Motion, path: str | Path | None = None) -> "Figure":
     motors, rows = motor_joints(task.robot), len(strip.rows)
     has_motors = len(motors) > 0 and not is_cycle
     grid = figure_grid(rows, len(draws) + has_clearance, has_motors=has_motors)
-    grid.figure.suptitle(f"{task.name}: {duration:.4f} s", fontsize=13)
+    words = f"{duration:.4f} s", lower_bound(task).beside(duration)
+    grid.figure.suptitle(f"{task.name}: {'; '.join(filter(None, words))}", fontsize=13)
     draw_strip(grid.strip, strip)
     for axis, draw in zip(grid.panels, draws, strict=False):
         spans = []

@@ -25,6 +25,7 @@ from tubeplanner.limits.binding_limits import (
     binding_rows,
     closest_pairs,
 )
+from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.limits.peaks import trajectory_peaks
 from tubeplanner.limits.rates import ToolSpeed
 from tubeplanner.output import drawing
@@ -470,6 +471,9 @@ def with_verdict(
         facts.append(("cycles per hour", f"{_HOUR / shown[0]['duration']:.0f}", False))
     if largest := "; ".join(savings(sensitivities)[:_MAX_SAVINGS]):
         facts.append(("raising a limit by 10 % would save", largest, False))
+    bound = lower_bound(task)
+    if least := bound.beside(min(motion.duration for motion in motions)):
+        facts.append(("bound", f"{least}: {bound.reason}", False))
     masses = {0.0 if arm.payload is None else arm.payload.mass for arm in arms}
     payload = " to ".join(f"{mass:g}" for mass in sorted({min(masses), max(masses)}))
     facts.append(("payload", "none" if payload == "0" else f"{payload} kg", True))

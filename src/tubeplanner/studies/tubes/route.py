@@ -13,6 +13,8 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import configured_ends
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.joint_routes import FreeSpace, RouteSearch
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.outcome import (
     Infeasible,
     Location,
@@ -114,6 +116,8 @@ def find_route(
     require_callback(progress)
     if problem.endpoints[0].kind == "seed":
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
+    # The tube that is found is one of many: the bound is that of all motions from start to goal.
+    bound = lower_bound(problem.with_tube(Tube.anywhere(*problem.tube.points[[0, -1]])))
     try:
         problem, notes = configured_ends(problem)
     except Infeasible as reason:
@@ -134,6 +138,8 @@ def find_route(
                 f"the search was stopped by {stopped_by.replace('_', ' ')} in step {finder.step} "
                 f"of {_STEPS}: there may be a faster tube"
             )
+        if isinstance(answer, PlannedTube):
+            answer = replace(answer, result=replace(answer.result, bound=bound))
         return answer_of(answer, stopped_by=stopped_by, **finder.facts)
     if stopped_by == "interrupt":
         raise KeyboardInterrupt
