@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from tubeplanner import Obstacle, placement_of
-from tubeplanner.geometry.body_shapes import IS_NATIVE
+from tubeplanner.geometry.body_shapes import IS_NATIVE, BodyShape, BodyShapes
 from tubeplanner.geometry.collision_checker import CollisionChecker
+from tubeplanner.geometry.convex_shapes import box, sphere
 from tubeplanner.studies.tubes.clearance_bounds import PairClearance
 
 pytestmark = pytest.mark.skipif(not IS_NATIVE, reason="the native library is left out")
@@ -85,6 +86,48 @@ def test_closest_points_are_never_looser_than_those_of_fcl_and_their_own_proof(p
         np.testing.assert_allclose(distance, closest.distance, rtol=0, atol=1e-12)
         along = checker.separations_along(rotation, position, pairs, direction, row)
         np.testing.assert_allclose(along, distance, rtol=0, atol=1e-9)
+
+
+def test_depths_of_overlaps_are_proved_and_lead_from_one_face_to_the_other(bundled, monkeypatch):
+    checker = checker_of(bundled("ur5/over_the_wall"))
+    q = np.random.default_rng(7).uniform(-2.5, 2.5, (150, checker.robot.joint_count))
+    poses = checker.robot.body_poses(q)
+    row, pair = np.nonzero(checker.sphere_distances(*poses, checker.pairs) < 0)
+    pairs = checker.pairs[pair]
+    radii = np.array([each.shape.radius for each in checker.shapes])[pairs].sum(axis=1)
+    exact = checker._by_fcl(*poses, pairs, row).distance
+    deep = exact + radii < -1e-6
+    assert deep.sum() > 80
+    monkeypatch.setattr(checker, "_by_fcl", None)  # is called without proof
+    result = checker.closest_points(*poses, pairs[deep], row[deep])
+    assert (result.distance >= exact[deep] - 1e-9).all()
+    gap = (result.distance + radii[deep])[:, None] * result.direction
+    np.testing.assert_allclose(result.second - result.first, gap, rtol=0, atol=1e-9)
+    along = checker.separations_at(*poses, pairs[deep], row[deep])[1]
+    along = checker.separations_along(*poses, pairs[deep], along, row[deep])
+    np.testing.assert_allclose(along, result.distance, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "half"),
+    [
+        (box([0.4, 0.6, 0.8]), box([0.2, 0.2, 0.4]), [0.3, 0.4, 0.6]),
+        (box([0.4, 0.6, 0.8]), sphere(0.1), [0.3, 0.4, 0.5]),
+    ],
+    ids=["boxes", "box and ball"],
+)
+def test_depths_of_boxes_in_line_are_those_of_a_drawing(first, second, half, two_link):
+    """Faces, edges and corners of both meet in lines and planes: little is proved natively."""
+    shapes = BodyShapes(two_link, [BodyShape("a", 0, first), BodyShape("b", 1, second)])
+    places = np.random.default_rng(1).integers(-2, 3, (60, 3)) * 0.1
+    rotation = np.tile(np.eye(3), (60, 3, 1, 1))
+    position = np.zeros((60, 3, 3))
+    position[:, 1] = places
+    result = shapes.closest_points(rotation, position, np.tile([0, 1], (60, 1)))
+    expected = np.max(abs(places) - half, axis=1)
+    inside = expected < -1e-6
+    assert inside.sum() > 20
+    np.testing.assert_allclose(result.distance[inside], expected[inside], rtol=0, atol=2e-9)
 
 
 @pytest.mark.parametrize("near", [0.03, 0.0])

@@ -1,8 +1,9 @@
 """BodyShapes: convex shapes on a robot's bodies and their distances, native or FCL.
 
 Native distances count where they are proved: where a lower bound, the gap along a direction, and
-an upper bound, the distance of two points, agree to 1e-9 m. Pairs without proof, which overlap or
-all but touch, are measured by FCL and Coal, as are all pairs without the native library.
+an upper bound agree to 1e-9 m: the distance of two points, or minus the radius of a ball that two
+overlapping shapes' differences contain. Pairs without proof, which all but touch or overlap with
+parallel faces and edges, are measured by FCL and Coal, as are all without the native library.
 """
 
 import ctypes

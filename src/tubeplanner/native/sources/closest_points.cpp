@@ -181,8 +181,8 @@ void set_points(const Pair& pair, const Simplex& simplex, Closest* found) {
 }  // namespace
 
 // Return the closest points of a pair, from a unit vector that may separate it; the search ends
-// where the pair is surely `enough` apart.
-Closest closest(const Pair& pair, const double* start, double enough) {
+// where the pair is surely `enough` apart. `depth` asks for the depth of an overlap.
+Closest closest(const Pair& pair, const double* start, double enough, bool depth) {
     Closest found;
     Simplex simplex;
     double direction[3], gap[3];
@@ -207,6 +207,9 @@ Closest closest(const Pair& pair, const double* start, double enough) {
         if (simplex.count == 4 || distance <= SETTLED) break;
         for (int i = 0; i < 3; i++) direction[i] = simplex.nearest[i] / distance;
     }
+    if (depth && simplex.count == 4 && found.lower < enough &&
+        overlap_depth(pair, simplex.corner, simplex.ids, &found))
+        return found;
     if (simplex.count == 0) {
         simplex.add(gap, ids);
         simplex.weight[0] = 1;

@@ -45,9 +45,12 @@ struct Pair {
 
 // How far apart a pair is, without radii, in the frame of the second one's body.
 struct Closest {
-    double lower, upper;  // bounds; the upper one only if no `enough` ended the search
+    double lower, upper;  // bounds; the upper one only if no `enough` ended the search, and of an
+                          // overlap only if its depth was asked for
     double direction[3];  // along which it is `lower` apart, from the first to the second
     double first[3], second[3];
 };
 
-Closest closest(const Pair& pair, const double* start, double enough);
+Closest closest(const Pair& pair, const double* start, double enough, bool depth = false);
+bool overlap_depth(const Pair& pair, const double corner[4][3], const integer ids[4][2],
+                   Closest* found);

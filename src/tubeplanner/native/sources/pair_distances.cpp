@@ -67,7 +67,7 @@ static Closest closest_of(const Shapes& shapes, const Poses& poses, integer row,
                           const integer* ids, double* direction, double enough) {
     const Pair pair(shapes, poses, row, ids);
     begin_with(shapes, pair, ids, direction);
-    const Closest found = closest(pair, direction, enough);
+    const Closest found = closest(pair, direction, enough, true);
     std::memcpy(direction, found.direction, sizeof found.direction);
     return found;
 }
