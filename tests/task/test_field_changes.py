@@ -134,7 +134,7 @@ def test_what_an_alias_stands_for_elsewhere_stays():
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        ("tube.raduis", 1, "unknown key 'raduis' (did you mean 'radius'?); there is: points, "),
+        ("tube.raduis", 1, "unknown key 'raduis' (did you mean 'radius'?); there is: route, "),
         ("obstacles.pots.sphere", 1, "unknown name 'pots' (did you mean 'post'?); there is: front"),
         ("tube.points.3", [0, 0, 0], "tube.points has no item '3'; there are 3, from 0 to 2"),
         ("tube.points.-1.0", 1, "tube.points has no item '-1'"),

@@ -6,12 +6,13 @@ Later planners start from it and must beat it.
 """
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.branches import ReferenceBranch
-from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.geometry.tube.points import arc_lengths, densified
 from tubeplanner.limits.speed_limits import estimated_durations, scaled_to_limits
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
@@ -26,6 +27,7 @@ from tubeplanner.trajectory.polynomials import (
 _DEGREE = 5
 # Configurations nearer to their neighbour than this fraction of the largest step have no direction.
 _MIN_STEP_FRACTION = 1e-4
+_STEP = 0.05  # [rad or m] of the joint that moves most, along a line of a route
 _MIN_INTERVALS = 16
 _MAX_INTERVALS = 128
 _FIT_POINTS_PER_INTERVAL = 8
@@ -46,14 +48,35 @@ def stop_at_corners(
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or no spline follows the branch in the tube.
     """
-    moving = branch.moving_segments
-    if not moving:
+    paths = [(branch.segments[k], k) for k in branch.moving_segments]
+    return _in_turn(problem, paths, checkpoint)
+
+
+def stop_along(
+    problem: PlanningProblem, route: FloatArray, checkpoint: Callable[[], None] = lambda: None
+) -> JointTrajectory:
+    """Return a trajectory along joint lines that stops at every corner (P, n) of a route.
+
+    The tube has one segment. The checkpoint is called before every line.
+
+    Raises:
+        Infeasible: Gravity exceeds a motor's effort.
+    """
+    lines = [np.array(ends) for ends in pairwise(route) if not np.array_equal(*ends)]
+    return _in_turn(problem, [(densified(line, _STEP), 0) for line in lines], checkpoint)
+
+
+def _in_turn(
+    problem: PlanningProblem, paths: list[tuple[FloatArray, int]], checkpoint: Callable[[], None]
+) -> JointTrajectory:
+    """Return the fastest of a family of trajectories along each path (P, n) in its segment."""
+    if not paths:
         message = "the start is the goal: there is nothing to move"
         raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
     trajectories = []
-    for k in moving:
+    for q, segment in paths:
         checkpoint()
-        shapes = _ramped_fits(problem, branch.segments[k], k)
+        shapes = _ramped_fits(problem, q, segment)
         fastest = shapes[int(estimated_durations(problem, shapes).argmin())]
         trajectories.append(scaled_to_limits(problem, fastest))
     return concatenate(trajectories)

@@ -94,6 +94,7 @@ class SequentialProgram:
         slack: FloatArray | None = None,
         *,
         start_moves: bool = False,
+        is_cautious: bool = False,
     ) -> None:
         """Set up constraints, variables and cost.
 
@@ -105,7 +106,10 @@ class SequentialProgram:
             objective: Gain that steps aim at; None: a shorter duration.
             slack: The fraction of the tube's regions that stays unused, shape (m,); None: none.
             start_moves: Whether the start is tied to the end of another leg.
+            is_cautious: Whether links are looked for after every step, not where it ended alone: a
+                step on which others than the watched ones collide is not made.
         """
+        self._is_cautious = is_cautious
         self.objective = objective or StepObjective()
         radius = problem.tube.effective_radius if radius is None else radius
         links = links or LinkConstraints(problem)
@@ -190,6 +194,13 @@ class SequentialProgram:
         if self.grid.switch_count:
             switching_times[1:-1] += step.switching
         return self.constraints.at(PhasedSpline(self.grid, switching_times, points))
+
+    def met(self, trial: Iterate) -> Iterate:
+        """Return the iterate after a step, of a cautious leg with the links that are near there."""
+        if not self._is_cautious:
+            return trial
+        self.constraints.links.add_samples(trial.spline)
+        return self.constraints.at(trial.spline)
 
     def gains(
         self, current: Iterate, trial: Iterate, step: Step, penalty: float
@@ -341,7 +352,19 @@ class Descent:
                 penalty = min(4 * penalty, MAX_PENALTY)
             remaining = _LESS
             if outcome.ratio > _WORTH_A_MOVE:
-                currents, remaining = trials, _HALVED
+                met = tuple(starmap(SequentialProgram.met, zip(self._legs, trials, strict=True)))
+                if any(
+                    after.excess > max(before.excess, current.excess)
+                    for after, before, current in zip(met, trials, currents, strict=True)
+                ):
+                    # The next step, from the same place, obeys the links that this one met.
+                    currents = tuple(
+                        leg.constraints.at(current.spline)
+                        for leg, current in zip(self._legs, currents, strict=True)
+                    )
+                    checkpoint(currents)
+                    continue
+                currents, remaining = met, _HALVED
                 small_gains = small_gains + 1 if outcome.gain < min_gain else 0
             checkpoint(currents)
             trust = trust.after(outcome)

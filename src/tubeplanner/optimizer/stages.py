@@ -12,7 +12,11 @@ from tubeplanner.certificate.verification import Certificate
 from tubeplanner.limits.path_samples import LimitKey
 from tubeplanner.limits.speed_limits import minimum_duration
 from tubeplanner.optimizer.descent import FIRST_PENALTY, Descent, DescentState, SequentialProgram
-from tubeplanner.optimizer.link_constraints import LinkConstraints
+from tubeplanner.optimizer.link_constraints import (
+    CAUTIOUS_PER_INTERVAL,
+    PER_INTERVAL,
+    LinkConstraints,
+)
 from tubeplanner.optimizer.motion_measures import objective_measures
 from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline, segments_of_pieces
 from tubeplanner.optimizer.rows import MERIT_TOLERANCE
@@ -59,6 +63,8 @@ _STEPS_TO_GET_OUT = 15
 _DODGED, _MAX_DODGES = 0.2, 3
 # Splines with this number of knot intervals can go round an obstacle.
 _MANY_INTERVALS = 16
+# Certificates at most, each of which gives the optimiser the times of failed conditions.
+_OBJECTIONS, _CAUTIOUS_OBJECTIONS = 5, 12
 # The exchange of samples ends when violations between them are below this fraction of T^2.
 _BETWEEN_SAMPLES = 0.003
 
@@ -69,8 +75,10 @@ class Stage(ABC):
     Attributes:
         problem: The planning problem.
         gave_up: True if the stage ended early, links too deep in an obstacle.
+        max_objections: Number of certificates after which the stage ends without an answer.
     """
 
+    max_objections = _OBJECTIONS
     _name: ClassVar[str]  # in messages
     _program: SequentialProgram
 
@@ -147,6 +155,7 @@ class Refinement(Stage):
         checkpoint: Callable[[float], None] = lambda duration: None,
         *,
         widens: bool = True,
+        is_cautious: bool = False,
         max_steps: int | None = None,
     ) -> None:
         """Take a problem and a start.
@@ -159,10 +168,14 @@ class Refinement(Stage):
             checkpoint: Called with the duration [s] after every step; it may raise to end the work.
             widens: Whether coarse knots get a tube as wide as they are coarse; links that are deep
                 in an obstacle there end the refinement.
+            is_cautious: Whether the start is free of collision and stays so at every step.
             max_steps: After more steps `run` raises Infeasible; None: after no number.
         """
         super().__init__(problem, start, checkpoint)
-        self._divisions, self._widens = divisions, widens
+        self._divisions, self._widens = divisions, widens and not is_cautious
+        self._is_cautious = is_cautious
+        if is_cautious:
+            self.max_objections = _CAUTIOUS_OBJECTIONS
         self._steps, self._max_steps = 0, max_steps
         self._radius = problem.tube.effective_radius
         self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
@@ -173,7 +186,9 @@ class Refinement(Stage):
         Raises:
             Infeasible: Status no_trajectory: the motors cannot hold the start, or too many steps.
         """
-        spline, trust, links = self._start, _FIRST_TRUST, LinkConstraints(self.problem)
+        per_interval = CAUTIOUS_PER_INTERVAL if self._is_cautious else PER_INTERVAL
+        links = LinkConstraints(self.problem, per_interval=per_interval)
+        spline, trust = self._start, _FIRST_TRUST
         for level, parts in enumerate(self._divisions or (), 1):
             is_last = level == len(self._divisions or ())
             self._begin_level(spline, links, widens=self._widens)
@@ -189,7 +204,7 @@ class Refinement(Stage):
             links = self._program.constraints.links.on_other_knots(coarse.spline, spline)
         self._begin_level(spline, links, widens=False)
         begun, is_near = self._begun(spline), self._divisions is None
-        if _passed_through(begun) and not is_near:
+        if self._passed_through(begun) and not is_near:
             self._best, self.gave_up = begun, True
         else:
             trust = _NEAR_TRUST if is_near else trust
@@ -200,7 +215,9 @@ class Refinement(Stage):
     def _begin_level(self, spline: PhasedSpline, links: LinkConstraints, *, widens: bool) -> None:
         tube = self.problem.tube
         self._radius = widened_radius(tube, spline.grid) if widens else tube.effective_radius
-        self._program = SequentialProgram(self.problem, spline.grid, links, self._radius)
+        self._program = SequentialProgram(
+            self.problem, spline.grid, links, self._radius, is_cautious=self._is_cautious
+        )
         self._program.constraints.blend(WIDELY_BLENDED)
         self._program.constraints.links.add_samples(spline)
         self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
@@ -215,7 +232,7 @@ class Refinement(Stage):
         if not is_feasible or not self._add_failures(certificate, duration):
             return False
         again = self._program.iterate(self.spline)
-        if _passed_through(again):
+        if self._passed_through(again):
             self.gave_up = True
             return False
         self._exchange(self._improved(again, _LAST_TRUST, _LAST_GAIN, _MAX_STEPS))
@@ -277,13 +294,21 @@ class Refinement(Stage):
                 again = self._program.iterate(best.spline)  # motors cannot hold the last between
             if not np.isfinite(again.squared_duration):
                 break
-            dodges += _passed_through(again)
+            dodges += self._passed_through(again)
             if best is None and (_has_settled_inside(result) or dodges == _MAX_DODGES):
                 self.gave_up = True
                 break
             trust = min(max(2 * result.trust.radius, _MIN_LAST_TRUST), _LAST_TRUST)
             result = self._improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
         self._best = best or result.iterate
+
+    def _passed_through(self, again: Iterate) -> bool:
+        """Return True if links are deep in an obstacle at new samples: they passed between the old.
+
+        Cautious steps pass corners at most: more samples bring links out.
+        """
+        deepest = float(again.links.excess.max(initial=0.0))
+        return deepest > _DODGED and not self._is_cautious
 
     def _checkpoint(self, iterates: tuple[Iterate, ...]) -> None:
         (iterate,) = iterates
@@ -310,11 +335,6 @@ def _is_hopeless(coarse: Iterate) -> bool:
 def _has_settled_inside(result: DescentState) -> bool:
     """Return True if links stay in an obstacle at the present samples: more samples ask more."""
     return result.has_ended and _is_hopeless(result.iterate)
-
-
-def _passed_through(again: Iterate) -> bool:
-    """Return True if links are deep in an obstacle at new samples: they passed between the old."""
-    return bool(again.links.excess.max(initial=0.0) > _DODGED)
 
 
 # ---- The sensitivities of a refined trajectory: the cost of each tolerance and each motor.

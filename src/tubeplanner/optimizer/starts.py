@@ -11,7 +11,9 @@ from tubeplanner.first_guess.branches import ReferenceBranch, end_configuration
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.segment_walk import wanted_at
 from tubeplanner.limits.tube_membership import membership_margin, tube_use
+from tubeplanner.optimizer.link_constraints import CAUTIOUS_PER_INTERVAL, LinkConstraints
 from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline, sampled
+from tubeplanner.optimizer.rows import MERIT_TOLERANCE
 from tubeplanner.optimizer.tube_phases import OrderedSegments, smoother_problem, tube_chains
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
@@ -25,6 +27,7 @@ _MIN_IN_ALL, _FEWEST = 12, 3
 _FIT_POINTS_PER_INTERVAL = 5
 # Numbers of intervals for chains, in turn, until the tool is fewer radii outside than _ENOUGH.
 _INTERVALS, _ENOUGH = (12, 16, 24, 32, 48, 64, 96, 128), 0.5
+_FREE_INTERVALS = (8, 12, 16, 24, 32, 48)  # for free branches, in turn
 _FIT_SAMPLES = np.arange(3) / 3
 # Control points that the fit does not determine are pulled to the joint line by this weight.
 _DRAW = 1e-8
@@ -53,6 +56,17 @@ def sufficient_start(
             break
         if more > intervals:
             spline = start_of(more)
+    return spline
+
+
+def free_start(problem: PlanningProblem, branch: ReferenceBranch) -> PhasedSpline:
+    """Return the spline along a free branch with as few knots as keep links out of obstacles."""
+    for intervals in _FREE_INTERVALS:
+        spline = starting_spline(problem, branch, intervals)
+        links = LinkConstraints(problem, per_interval=CAUTIOUS_PER_INTERVAL)
+        links.add_samples(spline)
+        if links.at(spline).excess.max(initial=0.0) <= MERIT_TOLERANCE:
+            break
     return spline
 
 

@@ -26,6 +26,7 @@ from tubeplanner.planning.options import (
 )
 from tubeplanner.planning.refined_plan import RefinedPlans, continued_plan, narrowed_plan
 from tubeplanner.planning.result import PlanResult, refused_result, stopped_result
+from tubeplanner.planning.route_plans import route_plan
 from tubeplanner.planning.waypoint_plans import (
     StoppingPlan,
     resting_plan,
@@ -217,6 +218,10 @@ def _search(state: _Planning) -> PlanResult | None:
     return result if result.succeeded or state.options.method != REFINEMENT else None
 
 
+def _along_route(state: _Planning) -> PlanResult:
+    return route_plan(state.problem, state.options, state.clock)
+
+
 def _fastest(state: _Planning) -> PlanResult | None:
     return state.fastest or state.refusal
 
@@ -275,6 +280,15 @@ UNION_ATTEMPTS = (
 )
 
 
+# Along a joint route, the tool anywhere.
+ROUTE_ATTEMPTS = (
+    Attempt(_necessary_conditions, METHODS),
+    Attempt(_rest, METHODS),
+    Attempt(_last_motion, (REFINEMENT,), lambda state: state.last is not None),
+    Attempt(_along_route, METHODS),
+)
+
+
 def attempted_plan(
     problem: PlanningProblem, last: RefinedMotion | None, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
@@ -286,7 +300,8 @@ def attempted_plan(
         TimeLimitReached: Before there was a result; likewise KeyboardInterrupt.
     """
     state, result = _Planning(problem, last, options, clock), None
-    table = UNION_ATTEMPTS if state.is_union else ATTEMPTS
+    table: tuple[Attempt, ...] = UNION_ATTEMPTS if state.is_union else ATTEMPTS
+    table = table if problem.tube.route is None else ROUTE_ATTEMPTS
     attempts = (each for each in table if options.method in each.methods and each.applies(state))
     try:
         while result is None:

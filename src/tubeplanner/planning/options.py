@@ -16,6 +16,8 @@ METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS, SUH_BISHOP)
 class Quality:
     """Thoroughness of refinement."""
 
+    # about the number of knot intervals in which refinement along a free route ends
+    free_knots: int
     # first number of knot intervals, about, and numbers of parts of their successive divisions; one
     # run per pair, from the most natural start
     knots: tuple[tuple[int, tuple[int, ...]], ...]
@@ -30,10 +32,10 @@ class Quality:
 
 _FEW, _FINER = (8, (4,)), (8, (3, 4))
 QUALITIES = {
-    "fast": Quality((_FEW,), (_FEW,), (_FINER,)),
-    "balanced": Quality(((18, (4,)),), ((8, (3, 3)),), (_FINER,)),
+    "fast": Quality(32, (_FEW,), (_FEW,), (_FINER,)),
+    "balanced": Quality(64, ((18, (4,)),), ((8, (3, 3)),), (_FINER,)),
     # the knots of all qualities, so that none has a faster answer
-    "best": Quality(((18, (4,)), _FINER, _FEW), ((8, (3, 3)), _FINER, _FEW), every_start=True),
+    "best": Quality(128, ((18, (4,)), _FINER, _FEW), ((8, (3, 3)), _FINER, _FEW), every_start=True),
 }
 
 

@@ -34,9 +34,6 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # ---- A motion of the optimiser, certified: samples are added where its certificate fails.
 
-# Certificates at most, each of which gives the optimiser the times of failed conditions.
-_MAX_OBJECTIONS = 5
-
 
 def certified_motion(
     problem: PlanningProblem,
@@ -57,7 +54,7 @@ def certified_motion(
         Infeasible: Nothing to start from.
     """
     result, work = None, stage.run
-    for _ in range(_MAX_OBJECTIONS):
+    for _ in range(stage.max_objections):
         has_more, stopped_by = until_stopped(work)
         if stopped_by is not None and not stage.has_spline:
             return stopped_result(clock, stopped_by, REFINEMENT)

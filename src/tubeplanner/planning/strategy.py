@@ -22,7 +22,14 @@ from tubeplanner.outcome import (
 )
 from tubeplanner.planning.attempts import attempted_plan
 from tubeplanner.planning.legs import of_poses, shared_plan, shortest_legs
-from tubeplanner.planning.options import QUALITIES, REFINEMENT, PlanOptions
+from tubeplanner.planning.options import (
+    BRANCH_AND_BOUND,
+    QUALITIES,
+    REFINEMENT,
+    STOP_AT_CORNERS,
+    SUH_BISHOP,
+    PlanOptions,
+)
 from tubeplanner.planning.result import (
     BlockedLeg,
     CycleResult,
@@ -144,13 +151,18 @@ def require_supported(problem: PlanningProblem, options: PlanOptions) -> None:
     """Check that the method honours slack and robustness, and that MuJoCo can simulate the latter.
 
     Raises:
-        OptionError: The method does not honour them, or robustness without MuJoCo.
+        OptionError: The method does not honour them, or a route; or robustness without MuJoCo.
         RobotError: Robustness is asked for, and joints of the robot follow others.
     """
     is_robust = options.robust and problem.robustness is not None
     if is_robust:
         require_mujoco("the field robustness")
         require_no_followers(problem.robot)
+    if problem.tube.route is not None and options.method in (BRANCH_AND_BOUND, SUH_BISHOP):
+        raise OptionError(
+            f"method '{options.method}' follows reference points, and tube.route is in their "
+            f"place; give method '{REFINEMENT}' or '{STOP_AT_CORNERS}'"
+        )
     if options.method == REFINEMENT:
         return
     if is_robust:

@@ -118,6 +118,8 @@ class PlanningProblem:
                 )
         elif self.goal is not None:
             self._keep("goal", self._checked_end("goal", self.goal, last))
+        if self.tube.route is not None:
+            self._require_route(self.tube.route)
         if not is_number(self.clearance) or not 0 <= self.clearance <= MAX_SIZE:
             raise ProblemError(
                 f"clearance is {in_figures(self.clearance)} m; 0 to {MAX_SIZE:g} m are accepted"
@@ -266,6 +268,24 @@ class PlanningProblem:
             tube = replace(tube, clearance=tube.clearance + by)
         wider = {names: clearance + by for names, clearance in pairs}
         return replace(self, tube=tube, clearance=self.clearance + by, pair_clearances=wider)
+
+    def _require_route(self, route: FloatArray) -> None:
+        """Raise unless a route (P, n) leads from the start to the goal inside limits."""
+        for k, q in enumerate(route):
+            configuration_of(self.robot, f"tube.route[{k}]", q)
+            self._require_within_limits(f"tube.route[{k}]", q)
+        for k, (name, end) in enumerate(zip(("start", "goal"), self.endpoints, strict=True)):
+            if end.joints is None:
+                raise ProblemError(f"{name}.joints is required: tube.route leads there")
+            away = abs(route[-k] - end.joints)
+            if away.max() > MARGIN_TOLERANCE:
+                joint = int(away.argmax())
+                raise ProblemError(
+                    f"tube.route {('begins', 'ends')[k]} with joint "
+                    f"'{self.robot.joint_names[joint]}' at {route[-k, joint]:g}, the {name} has it "
+                    f"at {end.joints[joint]:g}; give both the same, or find another route "
+                    "(`tubeplanner route`)"
+                )
 
     def _keep(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)

@@ -354,14 +354,26 @@ class TubeFields(Section):
 
     model_config = ConfigDict(
         json_schema_extra={
-            "if": {"properties": {"points": {"type": "array"}, "cross_section": {"type": "null"}}},
+            "anyOf": [{"required": ["points"]}, {"required": ["route"]}],
+            "if": {
+                "required": ["points"],
+                "properties": {"points": {"type": "array"}, "cross_section": {"type": "null"}},
+            },
             "then": {"required": ["radius"]},
         }
     )
 
-    points: list[Vector] | str = Field(
+    # Before the points, whose check asks for it.
+    route: list[JointValues] | None = Field(
+        None,
+        description="in place of points and radius, a first guess: configurations from the start "
+        "to the goal, free on the straight lines between them; the tool may be anywhere [rad, m]",
+    )
+    points: list[Vector] | str | None = Field(
+        None,
+        validate_default=True,
         description="m+1 reference points, base frame, or a CSV file of them, relative to this "
-        "one: x, y, z, then optionally qx, qy, qz, qw, radius [m]"
+        "one: x, y, z, then optionally qx, qy, qz, qw, radius [m]",
     )
     # Before the radius, whose check asks for it.
     cross_section: CrossSectionFields | list[CrossSectionFields | None] | None = Field(
@@ -399,14 +411,17 @@ class TubeFields(Section):
         "corners: where the tube turns by more than 150 degrees",
     )
 
-    @field_validator("radius")
+    @field_validator("points", "radius")
     @classmethod
-    def _required(cls, radius: object, info: ValidationInfo) -> object:
-        """Raise if the radius is missing, unless a file of points may have the radius."""
-        has_other = isinstance(info.data.get("points"), str) or info.data.get("cross_section")
-        if radius is None and not has_other:
+    def _required(cls, value: object, info: ValidationInfo) -> object:
+        """Raise if points or radius are missing, unless there is a route or another radius."""
+        has_other = info.data.get("route") is not None
+        if info.field_name == "radius":
+            has_other |= isinstance(info.data.get("points"), str)
+            has_other |= bool(info.data.get("cross_section"))
+        if value is None and not has_other:
             raise PydanticCustomError("missing", "it is required")
-        return radius
+        return value
 
 
 class EndpointFields(Section):

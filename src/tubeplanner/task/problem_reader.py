@@ -12,6 +12,7 @@ from tubeplanner.checks import checked_path
 from tubeplanner.errors import ProblemError, RobotError, TrajectoryError, faults_of
 from tubeplanner.fields import Section
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, placement_of
+from tubeplanner.geometry.tube.points import given_route
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.resources import PackageDirs, find_limits_file, find_mesh, find_problem
 from tubeplanner.robot.joint_limits import LimitLayer
@@ -220,11 +221,26 @@ def points_of(fields: TubeFields, directory: Path) -> dict[str, Any]:
     return {"points": points, **arguments}
 
 
+# Fields that a tube may have beside a route.
+_BESIDE_ROUTE = ("route", "joint_signs", "tool_speed")
+
+
 def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
     if fields.tube is None:
         raise ProblemError(
             "tube is required; `tubeplanner route` finds one from start, goal and obstacles"
         )
+    if fields.tube.route is not None:
+        own = fields.tube.model_dump(exclude_defaults=True)
+        for key in own.keys() - set(_BESIDE_ROUTE):
+            raise ProblemError(
+                f"tube.{key} does not go with tube.route, along which the tool may be anywhere; "
+                "leave out one of them"
+            )
+        rows = enumerate(fields.tube.route)
+        corners = [configuration_of(robot, f"tube.route[{k}]", q).tolist() for k, q in rows]
+        route = given_route(corners)
+        return Tube.anywhere(*robot.tool_position(route[[0, -1]]), **own | {"route": route})
     if fields.goal is not None and None not in (fields.goal.position, fields.goal.seed):
         raise ProblemError(
             "goal.seed beside goal.position is for `tubeplanner route`, which finds joints for it; "

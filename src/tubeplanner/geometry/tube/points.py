@@ -182,6 +182,24 @@ def given_radii(radius: float | Sequence[float] | FloatArray, segments: int) -> 
     return read_only(radii)
 
 
+def given_route(route: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
+    """Return the configurations (P, n) of a route [rad or m].
+
+    Raises:
+        ProblemError: They are no configurations, of different lengths, or fewer than two.
+    """
+    try:
+        corners = read_only(route)
+    except (TypeError, ValueError):
+        corners = read_only([])
+    if corners.ndim != 2 or len(corners) < 2 or not np.isfinite(corners).all():
+        raise ProblemError(
+            f"tube.route is {shown(route)}; give at least two configurations, a number for each "
+            "joint, from the start to the goal"
+        )
+    return corners
+
+
 # ---- Compulsory reference points: those at which the tube turns back.
 #
 # Where a tube turns back on itself, the capsules before and after the point overlap: a tool could

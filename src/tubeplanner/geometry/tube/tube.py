@@ -26,6 +26,7 @@ from tubeplanner.geometry.tube.points import (
     distinct_points,
     given_points,
     given_radii,
+    given_route,
     joint_ranges,
     segment_values,
     sign_maps,
@@ -70,6 +71,8 @@ class Tube:
         numbers: The points' numbers in messages, shape (m+1,): 0 to m, unless points were left out.
         tool_speed: Limits on the tool's speed, shape (m,) [m/s], inf where free; None: free.
         clearance: Of links from obstacles, (m,) [m], inf for the problem's; None: the problem's.
+        route: Configurations (P, n) from start to goal [rad or m]: a first guess of the motion, not
+            a condition; None: none.
         cross_section: Boxes about segments, shape (m, 5), as `box_sections`; None: discs alone.
         joint_ranges: Per segment, by joint name: [lower, upper], the meaning of the signs [rad or
             m].
@@ -90,6 +93,7 @@ class Tube:
     tool_speed: FloatArray | None = None
     cross_section: FloatArray | None = None
     clearance: FloatArray | None = None
+    route: FloatArray | None = None
     joint_ranges: tuple[Mapping[str, JointRange], ...] = field(init=False)
     rotation: RotationalTube | None = field(init=False)
     notes: tuple[str, ...] = field(init=False)
@@ -110,6 +114,7 @@ class Tube:
         tool_speed: float | Sequence[float | None] | FloatArray | None = None,
         cross_section: Mapping[str, Any] | Sequence[Any] | FloatArray | None = None,
         clearance: float | Sequence[float | None] | FloatArray | None = None,
+        route: Sequence[Sequence[float]] | FloatArray | None = None,
     ) -> None:
         """Check and store the tube; points that repeat their predecessor are left out, with a note.
 
@@ -132,6 +137,8 @@ class Tube:
             cross_section: {"box": [width, height], "up": [x, y, z]} for all segments, or m of them,
                 None for a disc [m].
             clearance: A clearance for all segments, or m of them, None for the problem's [m].
+            route: At least two configurations from start to goal, free on the lines between them
+                [rad or m].
 
         Raises:
             ProblemError: A count, a number or a sign is wrong; the message names it.
@@ -165,6 +172,7 @@ class Tube:
             cross_section=sections,
             joint_ranges=ranges,
             rotation=rotation,
+            route=None if route is None else given_route(route),
             notes=(),
             parts=None,
             **{name: segment_values(each, segments, name) for name, each in numbers_of.items()},
@@ -188,14 +196,15 @@ class Tube:
         return f"<Tube of {self.segment_count} segments, {length:.4g} m long, radii {radii}>"
 
     @classmethod
-    def anywhere(cls, begin: FloatArray, end: FloatArray) -> "Tube":
+    def anywhere(cls, begin: FloatArray, end: FloatArray, **conditions: Any) -> "Tube":
         """Return a tube between two tool positions (3,) that excludes no tool position.
 
-        Where both are the same, the second is moved a little: a tube has a direction.
+        Where both are the same, the second is moved a little: a tube has a direction. Conditions
+        are other arguments of a tube.
         """
         is_still = np.linalg.norm(end - begin) < MIN_LENGTH
         aside = np.array([0.0, 0.0, 1e3 * MIN_LENGTH * is_still])
-        return cls(np.vstack([begin, end + aside]), MAX_EXTENT)
+        return cls(np.vstack([begin, end + aside]), MAX_EXTENT, **conditions)
 
     @property
     def is_anywhere(self) -> bool:

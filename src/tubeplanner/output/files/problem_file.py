@@ -186,6 +186,9 @@ def problem_contents(fields: Any, folder: Path, target: Path) -> bytes:
 
 
 def _tube_fields(tube: Tube) -> CommentedMap:
+    if tube.route is not None:
+        route = [in_a_row(q) for q in tube.route.tolist()]
+        return CommentedMap(route=CommentedSeq(route), **_number_fields(tube))
     points = in_a_row([in_a_row(point) for point in tube.points.tolist()])
     # Ranges of joints are written as signs where equivalent.
     maps = [

@@ -1,0 +1,166 @@
+"""Attempts where the tool may be anywhere: the joint line, stops at a route's corners, the route.
+
+Refinement of the straight line in joint space knows nothing of obstacles; where it leads to a
+motion, that is nearly as fast as a lower bound, in nine of ten cases. A route is free on the
+straight lines between its corners: stopping at each of them is an answer at once. Refinement along
+a route begins with a free spline, and none of its steps leaves free space.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.first_guess.branches import ReferenceBranch
+from tubeplanner.first_guess.stop_at_corners import stop_along
+from tubeplanner.geometry.tube.points import densified
+from tubeplanner.limits.lower_bound import least_duration
+from tubeplanner.optimizer.phased_spline import PhasedSpline
+from tubeplanner.optimizer.stages import Refinement
+from tubeplanner.optimizer.starts import free_start, starting_spline
+from tubeplanner.outcome import Infeasible, PlanningClock, StoppedBy, until_stopped
+from tubeplanner.planning.options import QUALITIES, STOP_AT_CORNERS, PlanOptions
+from tubeplanner.planning.refined_plan import certified_refinement, entered
+from tubeplanner.planning.result import (
+    PlanResult,
+    certified_result,
+    refused_result,
+    stopped_result,
+)
+from tubeplanner.task.problem import PlanningProblem
+
+# A motion that takes no longer than this multiple of a lower bound ends the attempts.
+_NEARLY_LEAST = 1.01
+_ROUTE_STEP = 0.05  # [rad or m] of the joint that moves most, between samples of a route
+# Knot intervals of the joint line, and parts of the first division: with fewer at the end of it, a
+# fifth of the motions round obstacles are missed.
+_LINE_INTERVALS, _LINE_PARTS = 8, 2
+_MIN_PARTS = 2  # of a knot interval of a free route
+
+
+class RoutePlans:
+    """Plans of problems that differ in their route and goal alone.
+
+    Attributes:
+        best: The fastest certified result; None: there is none yet.
+        problem: The problem of `best`.
+        durations: Duration of every attempt [s]; None where nothing was certified.
+        first_time: Wall time of the first certified result, by the clock [s]; None: none yet.
+    """
+
+    def __init__(self, options: PlanOptions, clock: PlanningClock) -> None:
+        """Plan nothing yet."""
+        self._clock, self._knots = clock, QUALITIES[options.quality].free_knots
+        self._refusal: PlanResult | None = None
+        self.best: PlanResult | None = None
+        self.problem: PlanningProblem | None = None
+        self.durations: list[float | None] = []
+        self.first_time: float | None = None
+
+    def stop_at_corners(self, problem: PlanningProblem) -> None:
+        """Plan a stop at each corner of a problem's route.
+
+        Raises:
+            Infeasible: Gravity exceeds a motor's effort.
+            TimeLimitReached: The time limit has passed; likewise KeyboardInterrupt, as below.
+        """
+        self._clock.enter("stops at the corners of the route")
+        trajectory = stop_along(problem, _route(problem), self._clock.check)
+        self._offer(problem, certified_result(problem, trajectory, STOP_AT_CORNERS, self._clock))
+
+    def refine_line(self, problem: PlanningProblem) -> None:
+        """Plan by refinement of the straight line in joint space; raises as `stop_at_corners`."""
+        line = _branch(_route(problem)[[0, -1]])
+        spline = starting_spline(problem, line, _LINE_INTERVALS)
+        parts = max(self._knots // (_LINE_INTERVALS * _LINE_PARTS), _MIN_PARTS)
+        self._refine(problem, spline, (_LINE_PARTS, parts), is_cautious=False)
+
+    def refine(self, problem: PlanningProblem) -> None:
+        """Plan by refinement of a problem's route; raises as `stop_at_corners`."""
+        spline = free_start(problem, _branch(_route(problem)))
+        parts = max(round(self._knots / spline.grid.interval_count), _MIN_PARTS)
+        self._refine(problem, spline, (parts,), is_cautious=True)
+
+    def are_enough(self, least: float) -> bool:
+        """Return True if no other plan is much faster, as all take the least duration [s]."""
+        return self.duration <= _NEARLY_LEAST * least
+
+    @property
+    def duration(self) -> float:
+        """Duration of the fastest certified result [s]; infinite without one."""
+        best = None if self.best is None else self.best.duration
+        return np.inf if best is None else best
+
+    def result(self, stopped_by: StoppedBy | None = None) -> PlanResult:
+        """Return the best result, or the first refusal, of planning that may have been stopped."""
+        if self.best is None and stopped_by is not None:
+            return stopped_result(self._clock, stopped_by, STOP_AT_CORNERS)
+        result = self.best or self._refusal
+        assert result is not None
+        return replace(result, stopped_by=stopped_by)
+
+    def _refine(
+        self,
+        problem: PlanningProblem,
+        spline: PhasedSpline,
+        divisions: tuple[int, ...],
+        *,
+        is_cautious: bool,
+    ) -> None:
+        knots = spline.grid.interval_count * int(np.prod(divisions))
+        refinement = Refinement(
+            problem, spline, divisions, entered(knots, self._clock), is_cautious=is_cautious
+        )
+        result = None
+        with suppress(Infeasible):  # nothing from this start
+            result = certified_refinement(
+                problem, refinement, self._clock, needs_reason=is_cautious
+            )
+        self._offer(problem, result)
+
+    def _offer(self, problem: PlanningProblem, result: PlanResult | None) -> None:
+        """Keep a result if it is the fastest, or the first refusal."""
+        duration = None if result is None else result.duration
+        self.durations.append(duration)
+        if duration is not None and duration < self.duration:
+            self.first_time = self.first_time or self._clock.elapsed
+            self.best, self.problem = result, problem
+        self._refusal = self._refusal or result
+        if result is not None and result.stopped_by == "interrupt":
+            raise KeyboardInterrupt
+        self._clock.check()
+
+
+def _route(problem: PlanningProblem) -> FloatArray:
+    assert problem.tube.route is not None
+    return problem.tube.route
+
+
+def _branch(route: FloatArray) -> ReferenceBranch:
+    return ReferenceBranch((densified(route, _ROUTE_STEP),))
+
+
+def route_plan(problem: PlanningProblem, options: PlanOptions, clock: PlanningClock) -> PlanResult:
+    """Return the fastest plan along a problem's route; after Ctrl-C or the time limit, so far."""
+    plans, least = RoutePlans(options, clock), least_duration(problem)
+    attempts: tuple[Callable[[PlanningProblem], None], ...] = (
+        plans.refine_line,
+        plans.stop_at_corners,
+        plans.refine,
+    )
+    if options.method == STOP_AT_CORNERS:
+        attempts = (plans.stop_at_corners,)
+
+    def work() -> None:
+        for attempt in attempts:
+            attempt(problem)
+            if plans.are_enough(least):
+                return
+
+    try:
+        _, stopped_by = until_stopped(work)
+    except Infeasible as reason:
+        return plans.best or refused_result(reason, options.method)
+    return plans.result(stopped_by)

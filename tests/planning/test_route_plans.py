@@ -1,0 +1,126 @@
+"""Plans along joint routes: the joint line, stops at corners, the route."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import SHORTEST
+from placed_problem import bundled_fields
+
+from tubeplanner import Planner, PlanOptions, load_problem, parse_problem, plan
+from tubeplanner.errors import OptionError, ProblemError
+from tubeplanner.first_guess.joint_routes import RouteSearch
+from tubeplanner.outcome import PlanningClock, TimeLimitReached
+from tubeplanner.output.files.fingerprint import problem_hash
+from tubeplanner.output.files.problem_file import with_problem
+from tubeplanner.planning.route_plans import RoutePlans
+
+FOLDER = Path("robots/two_link")
+STOPS = PlanOptions(method="stop-at-corners")
+
+
+def free():
+    return load_problem("example:two_link/through_the_gap", reads_tube=False)
+
+
+@pytest.fixture(scope="module")
+def gap():
+    """Return the problem of the gap with a free route through it."""
+    problem = free()
+    route = next(RouteSearch(problem, problem.start, problem.goal[None]).routes(1, 400))
+    return problem.with_tube(replace(problem.tube, route=route))
+
+
+@pytest.fixture(scope="module")
+def planned(gap):
+    return plan(gap, SHORTEST)
+
+
+def test_a_plan_along_a_route_is_fast_and_stops_at_its_corners_are_certified(gap, planned):
+    stopping = plan(gap, STOPS)
+    assert planned.succeeded and stopping.succeeded
+    assert planned.duration < 0.4 * stopping.duration
+    for corner in gap.tube.route:
+        q = stopping.trajectory.position(stopping.trajectory.breakpoints)
+        assert abs(q - corner).max(axis=1).min() < 1e-9
+
+
+def test_refinement_of_a_free_route_stays_free(gap, planned):
+    plans = RoutePlans(SHORTEST, PlanningClock(None, None))
+    plans.refine(gap)
+    assert plans.best.certificate.passed
+    assert plans.durations == [plans.duration]
+    assert plans.duration < 1.05 * planned.duration
+
+
+def test_the_file_of_a_route_is_planned_alike(gap, planned, tmp_path):
+    fields = bundled_fields("two_link/through_the_gap")
+    written = json.loads(with_problem(fields, FOLDER, tmp_path / "p.json", gap))
+    assert "points" not in written["tube"]
+    again = parse_problem(written, tmp_path)
+    assert problem_hash(again) == problem_hash(gap) == problem_hash(free())
+    assert plan(again, SHORTEST).duration == planned.duration
+
+
+def test_a_problem_with_a_route_is_planned_again_from_the_last_motion(gap, planned):
+    planner = Planner(gap, SHORTEST)
+    planner.plan()
+    heavier = replace(gap, obstacles=gap.obstacles)
+    assert planner.replan(heavier).duration <= 1.001 * planned.duration
+
+
+def test_stops_at_corners_are_the_answer_when_time_is_over(gap, monkeypatch):
+    def late(*_):
+        raise TimeLimitReached
+
+    monkeypatch.setattr(RoutePlans, "refine_line", lambda *_: None)
+    monkeypatch.setattr(RoutePlans, "refine", late)
+    result = plan(gap, SHORTEST)
+    assert (result.succeeded, result.method) == (True, "stop-at-corners")
+    assert result.stopped_by == "time_limit"
+
+
+def test_stops_on_a_route_through_an_obstacle_are_refused_with_their_place(gap):
+    straight = gap.with_tube(replace(gap.tube, route=gap.tube.route[[0, -1]]))
+    result = plan(straight, STOPS)
+    assert str(result.status) == "tube_blocked"
+    assert result.location.obstacle is not None
+
+
+@pytest.mark.parametrize(
+    ("tube", "said"),
+    [
+        ({"route": [[-0.3, 0.6]]}, "give at least two configurations"),
+        ({"route": [[-0.3, 0.6], [1.5]]}, r"tube.route\[1\] has 1 values for the 2 joints"),
+        ({"route": [[0, 0.6], [1.5, 0.6]]}, "begins with joint 'joint1' at 0, the start has it at"),
+        ({"route": [[-0.3, 0.6], [1, 0.6]]}, "ends with joint 'joint1' at 1, the goal has it at"),
+        ({"route": [[-0.3, 0.6], [9, 0], [1.5, 0.6]]}, r"tube.route\[1\]: joint 'joint1' at 9 is"),
+        ({"route": [[-0.3, 0.6], [1.5, 0.6]], "radius": 1}, r"tube\.radius does not go with"),
+        ({}, r"tube\.points is required"),
+    ],
+)
+def test_a_route_that_leads_elsewhere_is_refused(tube, said):
+    with pytest.raises(ProblemError, match=said):
+        parse_problem({**bundled_fields("two_link/through_the_gap"), "tube": tube}, FOLDER)
+
+
+def test_a_route_needs_configurations_at_its_ends(gap):
+    with pytest.raises(ProblemError, match=r"goal\.joints is required: tube\.route leads there"):
+        replace(gap, goal=None)
+
+
+@pytest.mark.parametrize("method", ["branch-and-bound", "suh-bishop"])
+def test_methods_that_follow_points_refuse_a_route(gap, method):
+    with pytest.raises(OptionError, match=r"tube\.route is in their place; give method"):
+        plan(gap, PlanOptions(method=method))
+
+
+def test_the_tool_keeps_a_speed_limit_beside_a_route(gap, planned):
+    slow = replace(gap.tube, tool_speed=0.5)
+    result = plan(gap.with_tube(slow), SHORTEST)
+    assert result.succeeded
+    assert result.duration > planned.duration
+    tool = gap.robot.tool_position(result.trajectory.position(np.linspace(0, result.duration, 999)))
+    assert np.linalg.norm(np.diff(tool, axis=0), axis=1).max() <= 0.501 * result.duration / 998
