@@ -16,7 +16,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.branches import ReferenceBranch
 from tubeplanner.first_guess.stop_at_corners import stop_along
 from tubeplanner.geometry.tube.points import densified
-from tubeplanner.limits.lower_bound import least_duration
+from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.optimizer.phased_spline import PhasedSpline
 from tubeplanner.optimizer.stages import Refinement
 from tubeplanner.optimizer.starts import free_start, starting_spline
@@ -144,7 +144,7 @@ def _branch(route: FloatArray) -> ReferenceBranch:
 
 def route_plan(problem: PlanningProblem, options: PlanOptions, clock: PlanningClock) -> PlanResult:
     """Return the fastest plan along a problem's route; after Ctrl-C or the time limit, so far."""
-    plans, least = RoutePlans(options, clock), least_duration(problem)
+    plans, least = RoutePlans(options, clock), lower_bound(problem).duration
     attempts: tuple[Callable[[PlanningProblem], None], ...] = (
         plans.refine_line,
         plans.stop_at_corners,
