@@ -109,6 +109,19 @@ def test_a_route_is_free_where_the_straight_line_is_not_and_the_same_for_the_sam
     assert not np.array_equal(*again)
 
 
+def test_trees_grow_the_same_without_the_native_library(gap, monkeypatch):
+    search = searched(gap)
+    trees = [joint_routes._Trees((gap.start[None], gap.goal[None]), 5) for _ in range(2)]
+    for own, native in zip(trees, (joint_routes._grow_trees, None), strict=True):
+        monkeypatch.setattr(joint_routes, "_grow_trees", native)
+        own.reserve(200)
+        search._grow(own, 150)
+    np.testing.assert_array_equal(trees[0].state, trees[1].state)
+    assert trees[0].state[:2].min() > 1
+    for tree in range(2):
+        np.testing.assert_allclose(*(own.nodes(tree) for own in trees), atol=1e-12)
+
+
 def test_a_straight_route_is_the_last():
     problem = cell()
     routes = list(searched(problem).routes(1, 9_000))

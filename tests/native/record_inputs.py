@@ -22,6 +22,7 @@ MAX_CALLS = 3  # of a function and number of joints or the like
 MAX_BYTES = {"program": 150_000, "call": 50_000}
 # Arrays that a function reads before it writes to them, or may leave as they are.
 ALSO_READ = {"direction", "bound", "changes", "order", "q"}
+ALSO_READ |= {"tree_q", "reach", "parent", "state"}
 LEFT = {"near_rows": ("control", "switching"), "compressed_rows": ("column", "value")}
 ALWAYS_LEFT = ("centers",)
 SHAPES = (("body", 1), ("begin", 1), ("size", 1), ("points", 0), ("radius", 1), ("center", 3))
@@ -128,7 +129,7 @@ def packed_shapes(address):
 
 def plan_problems_and_measure_a_tube():
     from tubeplanner import PlanOptions, load_problem, measure_tube, plan
-    from tubeplanner.first_guess.joint_routes import RouteSearch
+    from tubeplanner.first_guess.joint_routes import RouteSearch, _Trees
 
     for name in PLANS:
         assert plan(load_problem(name), PlanOptions(quality="fast")).succeeded
@@ -136,6 +137,9 @@ def plan_problems_and_measure_a_tube():
     problem = load_problem("example:two_link/through_the_gap", reads_tube=False)
     search = RouteSearch(problem, problem.start, problem.goal[None])
     assert next(search.routes(1, 1000), None) is not None
+    trees = _Trees((problem.start[None], problem.goal[None]), 1)
+    trees.reserve(60)
+    search._grow(trees, 40)
 
 
 def no_samples():

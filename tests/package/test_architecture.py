@@ -125,7 +125,7 @@ def test_an_unknown_public_name_is_refused_and_a_near_one_suggested():
 def test_native_code_is_short_and_listed():
     texts = {path.name: path.read_text().splitlines() for path in SOURCES.iterdir()}
     code = [line for text in texts.values() for line in text if re.match(r"\s*[^\s/]", line)]
-    assert len(code) < 2500
+    assert len(code) < 2700
     page = (TESTS.parent / "docs" / "development" / "architecture.md").read_text()
     rows = re.findall(r"^\| (`\w+\.(?:cpp|h)`[^|]*) \|", page, re.M)
     names = [name for row in rows for name in re.findall(r"`(\w*\.(?:cpp|h))`", row)]

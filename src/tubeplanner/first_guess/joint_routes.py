@@ -1,7 +1,7 @@
 """Free configurations and edges between them; joint routes of free edges, by RRT-Connect."""
 
 import ctypes
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from functools import cached_property
 
@@ -17,9 +17,14 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances
 
 _SIZE, _ADDRESS = ctypes.c_int64, ctypes.c_void_p
-_free_edges = native_function(
-    "tubeplanner_free_edges", _ADDRESS, Doubles, *(_SIZE,) * 4, *(Integers,) * 2, *(Doubles,) * 2,
-    _SIZE, *(Doubles,) * 3, ctypes.c_double, Doubles, Integers, Doubles, _SIZE, Bytes,
+_SPACE = (
+    _ADDRESS, Doubles, *(_SIZE,) * 4, *(Integers,) * 2, *(Doubles,) * 2, _SIZE, *(Doubles,) * 3,
+    ctypes.c_double, Doubles, Integers,
+)  # fmt: skip
+_free_edges = native_function("tubeplanner_free_edges", *_SPACE, Doubles, _SIZE, Bytes)
+_grow_trees = native_function(
+    "tubeplanner_grow_trees", *_SPACE, *(Doubles,) * 3, *(ctypes.c_double,) * 2, *(_SIZE,) * 3,
+    *(Doubles,) * 2, *(Integers,) * 2, Doubles,
 )  # fmt: skip
 
 # ---- Pairs in groups: what moves as one against one obstacle is first tested as one box.
@@ -311,73 +316,85 @@ class FreeSpace:
 
 # ---- Joint routes: two trees of free edges, from the start and from the goals.
 #
-# Kuffner & LaValle, "RRT-Connect" (ICRA 2000); nodes at obstacles draw only near by, as in Jaillet,
-# Yershova, LaValle & Simeon, "Adaptive tuning of the sampling domain for dynamic-domain RRTs" (IROS
-# 2005). Joints are measured by their velocity limits: a joint twice as fast moves twice as far.
+# Kuffner & LaValle, "RRT-Connect" (ICRA 2000); nodes at obstacles draw only near by, as in
+# Yershova, Jaillet, Simeon & LaValle, "Dynamic-domain RRTs" (ICRA 2005). Joints are measured by
+# their velocity limits: a joint twice as fast moves twice as far.
 
-# Distance from obstacles beyond the clearance [m], edges of a search and searches. Wide passages
-# are found with few edges, and hard problems lose nothing where there is none.
-_SCHEDULE = ((0.02, 1_500, 1), (0.005, 20_000, 3), (0.0, 200_000, 1))
-_RANGE = 2.0  # of a new edge [rad of a joint of middle speed]
-_FIRST_DOMAIN, _MIN_DOMAIN = 4.0, 0.5  # distance of samples from a node at obstacles, likewise
-_DOMAIN_CHANGE = 0.2  # fraction of it by an edge that is free or not
+# Distance from obstacles beyond the clearance [m], and edges of a search. Wide passages are found
+# with few edges, or there is none: a search for one that is not there would take all the time.
+_SCHEDULE = ((0.02, 1_000), (0.005, 5_000), (0.002, 20_000), (0.0, 200_000))
+_RANGE = 0.7  # of a new edge [rad of a joint of median speed]
+_DOMAIN = 4.0  # distance of samples from a node that an edge could not leave, likewise
 _MAX_REFUSED = 50  # samples in a row that lie in no node's domain
+_EDGES_AT_ONCE = 1_000  # until the time is looked at
 _SHORTCUTS = 100
 # Joint ranges of the search beyond start and goals, unless limits are nearer [rad or m].
 _BEYOND = np.pi
-_MASK = (1 << 64) - 1
+_GOLDEN, _MASK = 0x9E3779B97F4A7C15, (1 << 64) - 1
+_COUNT, _TURN, _RANDOM, _EDGES, _MET = 0, 2, 3, 4, 5  # places in the state of `_Trees`
 
 
-class _Random:
-    """Splitmix64: Steele, Lea & Flood, "Fast splittable pseudorandom number generators" (2014)."""
+class _Trees:
+    """Free configurations, each reached from another by a free edge: start (0) and goals (1).
 
-    def __init__(self, seed: int) -> None:
-        self.state = seed & _MASK
+    Attributes:
+        q: Configurations, shape (2, capacity, n).
+        domain: Largest distances of samples from them, shape (2, capacity).
+        parent: Nodes that they are reached from, -1 for roots, int, shape (2, capacity).
+        state: Numbers of nodes (2), the next tree, the state of the random numbers, edges tested,
+            nodes that met (2), int.
+    """
+
+    def __init__(self, roots: Sequence[FloatArray], seed: int) -> None:
+        """Take the roots of both trees, (1, n) and (G, n)."""
+        capacity = len(roots[1])
+        self.q = np.zeros((2, capacity, roots[0].shape[1]))
+        self.domain = np.full((2, capacity), np.inf)
+        self.parent = np.full((2, capacity), -1)
+        self.state = np.array([*map(len, roots), 0, _signed(seed), 0, -1, -1])
+        for own, root in zip(self.q, roots, strict=True):
+            own[: len(root)] = root
+
+    def reserve(self, count: int) -> None:
+        """Make memory for more nodes of both trees."""
+        for name in ("q", "domain", "parent"):
+            old = getattr(self, name)
+            shape = (2, int(self.state[:2].max()) + count, *old.shape[2:])
+            new = np.zeros(shape, old.dtype)
+            new[:, : old.shape[1]] = old[:, : shape[1]]
+            setattr(self, name, new)
+
+    def nodes(self, tree: int) -> FloatArray:
+        """Return the configurations of a tree, (N, n)."""
+        return self.q[tree, : self.state[_COUNT + tree]]
 
     def fraction(self) -> float:
-        """Return a number in [0, 1)."""
-        self.state = (self.state + 0x9E3779B97F4A7C15) & _MASK
-        z = self.state
+        """Return a random number in [0, 1).
+
+        By splitmix64: Steele, Lea & Flood, "Fast splittable pseudorandom number generators" (2014).
+        """
+        z = (int(self.state[_RANDOM]) + _GOLDEN) & _MASK
+        self.state[_RANDOM] = _signed(z)
         z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
         z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & _MASK
         return ((z ^ (z >> 31)) >> 11) * 2.0**-53
 
+    def route(self) -> list[FloatArray]:
+        """Return the configurations from the start to a goal, where the trees have met."""
+        halves: list[list[FloatArray]] = []
+        for tree in range(2):
+            node, half = int(self.state[_MET + tree]), []
+            while node >= 0:
+                half.append(self.q[tree, node].copy())
+                node = int(self.parent[tree, node])
+            halves.append(half)
+        return [*halves[0][::-1], *halves[1][1:]]
 
-class _Tree:
-    """Free configurations, each reached from another by a free edge."""
 
-    def __init__(self, roots: FloatArray, speed: FloatArray) -> None:
-        self._speed = speed
-        self.q = np.empty((64, roots.shape[1]))
-        self.domain = np.full(64, np.inf)
-        self.parent: list[int] = []
-        for root in roots:
-            self.add(root, -1)
-
-    def add(self, q: FloatArray, parent: int) -> int:
-        """Add a node and return its number."""
-        node = len(self.parent)
-        if node == len(self.q):
-            self.q = np.concatenate([self.q, np.empty_like(self.q)])
-            self.domain = np.append(self.domain, np.full(node, np.inf))
-        self.q[node] = q
-        self.parent.append(parent)
-        return node
-
-    def nearest(self, q: FloatArray) -> tuple[int, float]:
-        """Return the nearest node and its distance."""
-        away = (self.q[: len(self.parent)] - q) / self._speed
-        squared = np.einsum("ij,ij->i", away, away)
-        node = int(squared.argmin())
-        return node, float(np.sqrt(squared[node]))
-
-    def path(self, node: int) -> list[FloatArray]:
-        """Return the configurations from a node to its root."""
-        result = []
-        while node >= 0:
-            result.append(self.q[node].copy())
-            node = self.parent[node]
-        return result
+def _signed(number: int) -> int:
+    """Return the signed integer of the lowest 64 bits of a number."""
+    number &= _MASK
+    return number - (1 << 64) if number >> 63 else number
 
 
 class RouteSearch:
@@ -411,86 +428,111 @@ class RouteSearch:
         the one before did. The end comes after a number of edges, when time is over, or after a
         straight route: none is shorter.
         """
-        last, first_level = self.edges + edges, 0
-        k = 0
+        last, k = self.edges + edges, 0
+        stages = list(_SCHEDULE)
         while self.edges < last and not is_over():
-            for level, (margin, budget, searches) in enumerate(_SCHEDULE):
-                if level < first_level:
-                    continue
+            for margin, budget in stages:
+                trees = _Trees((self._start[None], self._goals), seed + k)
                 self._space = self._space.with_margin(margin)
-                route = None
-                for attempt in range(searches):
-                    random = _Random((seed + k << 8) + 16 * level + attempt)
-                    route = self._search(random, min(self.edges + budget, last), is_over)
-                    if route is not None or self.edges >= last or is_over():
-                        break
+                route = self._search(trees, min(budget, last - self.edges), is_over)
                 if route is not None:
-                    first_level = level
+                    stages = [stage for stage in stages if stage[0] <= margin]
                     yield route
                     if len(route) == 2:
                         return
                     break
+                if self.edges >= last or is_over():
+                    return
             k += 1
 
-    def _search(self, random: _Random, last: int, is_over: Callable[[], bool]) -> FloatArray | None:
+    def _search(self, trees: _Trees, edges: int, is_over: Callable[[], bool]) -> FloatArray | None:
+        """Return the corners of a free route after at most some edges and those that shorten it."""
         for goal in self._goals:
             if self._is_free(self._start, goal):
                 return np.array([self._start, goal])
-        trees = _Tree(self._start[None], self._speed), _Tree(self._goals, self._speed)
-        turn = 0
-        while self.edges < last and not is_over():
-            own, other = trees[turn], trees[1 - turn]
-            node = self._grown(own, random)
-            if node is not None:
-                met = self._connected(other, own.q[node])
-                if met is not None:
-                    halves = own.path(node), other.path(met)
-                    back, forth = halves if turn == 0 else halves[::-1]
-                    return self._shortened([*back[::-1], *forth[1:]], random)
-            turn = 1 - turn
-        tree = trees[0]
-        nodes = tree.q[: len(tree.parent)]
+        while trees.state[_EDGES] < edges and not is_over():
+            last = min(edges, int(trees.state[_EDGES]) + _EDGES_AT_ONCE)
+            # The last connection may go on, by as many edges as lie between two corners.
+            span = float(np.linalg.norm((self._high - self._low) / self._speed))
+            trees.reserve(_EDGES_AT_ONCE + int(span / _RANGE) + 2)
+            before = int(trees.state[_EDGES])
+            self._grow(trees, last)
+            self.edges += int(trees.state[_EDGES]) - before
+            if trees.state[_MET] >= 0:
+                return self._shortened(trees)
+        nodes = trees.nodes(0)
         away = np.linalg.norm((nodes[:, None] - self._goals) / self._speed, axis=2).min(axis=1)
         self.reached = nodes[int(away.argmin())]
         return None
 
-    def _grown(self, tree: _Tree, random: _Random) -> int | None:
+    def _grow(self, trees: _Trees, last: int) -> None:
+        """Let both trees grow until they meet or `last` edges were tested."""
+        if _grow_trees is not None:
+            arrays = trees.q, trees.domain, trees.parent, trees.state, np.empty(len(self._low))
+            _grow_trees(
+                *self._space.native, self._low, self._high, self._speed, _RANGE, _DOMAIN,
+                _MAX_REFUSED, last, trees.q.shape[1], *arrays,
+            )  # fmt: skip
+            return
+        while trees.state[_EDGES] < last:
+            tree = int(trees.state[_TURN])
+            trees.state[_TURN] = 1 - tree
+            node = self._grown(trees, tree)
+            if node is None:
+                continue
+            met = self._connected(trees, 1 - tree, trees.q[tree, node])
+            if met is not None:
+                trees.state[_MET + tree], trees.state[_MET + 1 - tree] = node, met
+                return
+
+    def _grown(self, trees: _Trees, tree: int) -> int | None:
         """Return a new node towards a random configuration; None if the edge is not free."""
         for _ in range(_MAX_REFUSED):
-            fractions = np.array([random.fraction() for _ in self._low])
+            fractions = np.array([trees.fraction() for _ in self._low])
             q = self._low + fractions * (self._high - self._low)
-            node, distance = tree.nearest(q)
-            if distance <= tree.domain[node]:
+            node, distance = self._nearest(trees, tree, q)
+            if distance <= trees.domain[tree, node]:
                 break
-        fraction = min(1.0, _RANGE / distance)
-        new = tree.q[node] + fraction * (q - tree.q[node])
-        if not self._is_free(tree.q[node], new):
-            tree.domain[node] = max(
-                min(tree.domain[node] * (1 - _DOMAIN_CHANGE), _FIRST_DOMAIN), _MIN_DOMAIN
-            )
-            return None
-        tree.domain[node] *= 1 + _DOMAIN_CHANGE
-        return tree.add(new, node)
+        new = self._step(trees, tree, node, q, distance)
+        if new is None:
+            trees.domain[tree, node] = _DOMAIN
+        return new
 
-    def _connected(self, tree: _Tree, q: FloatArray) -> int | None:
+    def _connected(self, trees: _Trees, tree: int, q: FloatArray) -> int | None:
         """Return the node at a configuration (n,) that free edges reach; None if they do not."""
-        node, distance = tree.nearest(q)
-        while distance > 0:
-            fraction = min(1.0, _RANGE / distance)
-            new = q if fraction == 1 else tree.q[node] + fraction * (q - tree.q[node])
-            if not self._is_free(tree.q[node], new):
-                return None
-            node = tree.add(new, node)
-            distance = distance - _RANGE if fraction < 1 else 0.0
-        return node
+        last: int | None
+        last, distance = self._nearest(trees, tree, q)
+        while distance > 0 and last is not None:
+            last = self._step(trees, tree, last, q, distance)
+            distance -= _RANGE
+        return last
 
-    def _shortened(self, route: list[FloatArray], random: _Random) -> FloatArray:
-        """Return the corners of a route that is shortened by random straight edges."""
-        route = self._with_few_corners(route)
+    def _step(
+        self, trees: _Trees, tree: int, node: int, q: FloatArray, distance: float
+    ) -> int | None:
+        """Return a new node on the way from a node to a configuration (n,) at a distance."""
+        new, own = int(trees.state[_COUNT + tree]), trees.q[tree]
+        own[new] = own[node] + _RANGE / distance * (q - own[node]) if distance > _RANGE else q
+        trees.state[_EDGES] += 1
+        if not self._space.are_free_edges(own[None, [node, new]])[0]:
+            return None
+        trees.domain[tree, new], trees.parent[tree, new] = np.inf, node
+        trees.state[_COUNT + tree] += 1
+        return new
+
+    def _nearest(self, trees: _Trees, tree: int, q: FloatArray) -> tuple[int, float]:
+        """Return the node of a tree that is nearest to a configuration (n,), and its distance."""
+        squared = (((trees.nodes(tree) - q) / self._speed) ** 2).sum(axis=1)
+        node = int(squared.argmin())
+        return node, float(np.sqrt(squared[node]))
+
+    def _shortened(self, trees: _Trees) -> FloatArray:
+        """Return the corners of the trees' route, shortened by random straight edges."""
+        route = self._with_few_corners(trees.route())
         for _ in range(_SHORTCUTS if len(route) > 2 else 0):
             steps = np.linalg.norm(np.diff(route, axis=0) / self._speed, axis=1)
             along = np.append(0.0, np.cumsum(steps))
-            places = sorted(random.fraction() * along[-1] for _ in range(2))
+            places = sorted(trees.fraction() * along[-1] for _ in range(2))
             i, j = (int(np.searchsorted(along, place, side="right")) - 1 for place in places)
             if i == j:
                 continue
