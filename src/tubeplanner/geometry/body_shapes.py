@@ -53,10 +53,14 @@ class BodyShape:
 
 
 class _ThreadShapes(threading.local):
-    """Shapes that FCL moves to be measured; each thread has its own."""
+    """Shapes that FCL moves to be measured; each thread has its own, from its first use on."""
 
     def __init__(self, shapes: Sequence[BodyShape]) -> None:
-        self.shapes = PlacedShapes([body_shape.shape for body_shape in shapes])
+        self._body_shapes = shapes
+
+    @cached_property
+    def shapes(self) -> PlacedShapes:
+        return PlacedShapes([body_shape.shape for body_shape in self._body_shapes])
 
 
 class NativeShapes(ctypes.Structure):
