@@ -121,6 +121,29 @@ def ur5(**limits):
     return load_robot("example:ur5", "tool0", limits=LimitOverrides(**limits))
 
 
+@pytest.mark.parametrize("name", ["ur5", "panda", "two_link"])
+def test_no_configuration_at_an_open_end_is_reached_sooner(name):
+    """Each joint alone may move at its limits, from a configuration to any other one."""
+    frame = {"ur5": "tool0", "panda": "panda_hand_tcp", "two_link": "hand"}[name]
+    limits = LimitOverrides(velocity=3.0, **JERK)
+    robot, rng = load_robot(f"example:{name}", frame, limits=limits), np.random.default_rng(7)
+    ratios = []
+    for size in [0.3, 1.0, 6.0] * 8:
+        q = random_motion(robot, rng).position(0.0)
+        step = rng.uniform(-size, size, len(q)) * rng.integers(0, 2, len(q))
+        goal = robot.limits.clip(q + step)
+        ends = robot.tool_position(np.array([q, goal]))
+        tolerance = rng.uniform(0.0, 0.02)
+        region = GoalRegion(ends[1] + [0.0, tolerance, 0.0], tolerance)
+        tube = Tube([ends[0], region.position + 0.01], 1000.0)
+        problem = PlanningProblem(robot, tube, q, region, self_collision=False)
+        for each in (problem, changed(problem, goal=pose_at(problem, goal))):
+            bound = lower_bound(each)
+            times = [rest_to_rest(away, 3.0, 12.0, 300.0) for away in abs(goal - q)]
+            ratios.append(bound.duration / max(*times, 1e-3))  # rounding where no joint moves
+    assert 0.7 < max(ratios) <= 1.0
+
+
 @pytest.mark.parametrize("limits", [{}, ACCELERATION, {"jerk": 300.0}, JERK, POINT])
 def test_no_random_motion_is_shorter(limits):
     """Of configurations, of a goal's pose or position, from a seed, and with ranges of joints."""
@@ -146,6 +169,20 @@ def test_no_random_motion_is_shorter(limits):
         assert min(bounds[:2]) > 0 and max(bounds[1:]) <= bounds[0]
         ratios.append(duration / bounds[0])
     assert min(ratios) < 3
+
+
+@pytest.mark.parametrize(("angle", "part"), [(-1.2, 0.85), (0.9, 0.85), (2.5, 0.5)])
+def test_the_first_joint_turns_the_tool_to_an_open_end(angle, part):
+    """Wrists may turn the tool by some of it; over its head, the arm is faster."""
+    robot = ur5(**JERK)
+    q = np.array([0.3, -1.3, 1.8, -1.9, -1.7, 0.0])
+    turned = q + angle * np.eye(6)[0]
+    tube = Tube(robot.tool_position(np.array([q, turned])), 1000.0)
+    alone = rest_to_rest(abs(angle), robot.limits.velocity[0], 12.0, 300.0)
+    for start, goal in [(q, None), (Seed(q), turned)]:
+        bound = lower_bound(PlanningProblem(robot, tube, start, goal, self_collision=False))
+        assert bound.joint == "shoulder_pan_joint"
+        assert part * alone < bound.duration <= alone
 
 
 FREE, OUT = (-9.0, 9.0), (1.0, 2.0)

@@ -6,6 +6,7 @@ the tool from start to goal by all joints together, or a point at its speed limi
 tolerance of 1e-6 is not part of it.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -22,6 +23,7 @@ from tubeplanner.robot.urdf import followers_of
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.motion import Task
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import MAX_DURATION
 
 _DECIMALS = 1e4  # of the texts of durations
 _ROUNDING = 1e-2  # of the last decimal, or of a period: a bound this little below counts as there
@@ -87,7 +89,7 @@ def lower_bound(task: Task) -> LowerBound:
 
 def _of_problem(problem: PlanningProblem) -> LowerBound:
     """Return the largest of the bounds of a problem; with a period, the next multiple of it."""
-    parts = slowest_joint, slowest_slide, all_joints, slowest_point, tool_travel
+    parts = slowest_joint, slowest_slide, all_joints, first_joint, slowest_point, tool_travel
     best = max((part(problem.joined) for part in parts), key=lambda each: each.duration)
     if problem.period is None:
         return best
@@ -222,7 +224,7 @@ def slowest_slide(problem: PlanningProblem) -> LowerBound:
     for body in np.flatnonzero(~robot.body_is_revolute)[1:]:
         j, axis = int(robot.body_joints[body]), axes[body - 1]
         turning = robot.body_is_revolute & robot.joint_moves_body[body, robot.body_joints]
-        if (np.linalg.norm(np.cross(axes[turning[1:]], axis), axis=1) > _PARALLEL).any():
+        if not all(_are_parallel(axis, other) for other in axes[turning[1:]]):
             continue
         carried = robot.joint_moves_body[:, j]
         way = float(moved[carried].sum(axis=0) @ axis + motors.armature[j] * (goal - start)[j])
@@ -242,6 +244,10 @@ def slowest_slide(problem: PlanningProblem) -> LowerBound:
     return best
 
 
+def _are_parallel(first: FloatArray, second: FloatArray) -> bool:
+    return bool(np.linalg.norm(np.cross(first, second)) <= _PARALLEL)
+
+
 # ---- All joints together: the tool from start to goal, where an end is no given configuration.
 #
 # In a time T from rest to rest, joint j moves by at most d_j(T), the inverse of `rest_to_rest`. One
@@ -253,7 +259,9 @@ def slowest_slide(problem: PlanningProblem) -> LowerBound:
 # A lever arm depends on the joints after j alone, which have not moved yet: it is that of the given
 # configuration; without one, the largest of all.
 
-_HALVINGS = 50
+_FULL_TURNS = 2 * np.pi * np.arange(-1, 2)[:, None]
+_FIRST_TIME, _HALVINGS = 1e-3, 50  # of the bisection: the first time [s]
+_UNLIMITED = 1e9  # [rad or m]: infinite distances are cut to it, as no lever arm times inf is one
 
 
 def all_joints(problem: PlanningProblem) -> LowerBound:
@@ -279,29 +287,33 @@ def all_joints(problem: PlanningProblem) -> LowerBound:
             times.append((_time_together(problem, robot.revolute.astype(float), turn), "rotation"))
     times.append((_time_together(problem, lever, distance), "position"))
     duration, what = max(times)
-    return LowerBound(duration, f"all joints together, for the tool's {what} at the goal")
+    return LowerBound(duration, f"all joints together, for the tool's {what}")
 
 
 def _time_together(problem: PlanningProblem, lever: FloatArray, distance: float) -> float:
-    """Return the least T with sum r_j d_j(T) >= a distance for lever arms (n,), by bisection [s].
-
-    With the peak velocity p, d = p (T - change(p)), where either change of velocity takes T/2 at
-    most (see `rest_to_rest`).
-    """
-    moves, limits = lever > 0, problem.robot.limits
-    if distance <= 0 or not moves.any():
+    """Return the least T with sum r_j d_j(T) >= a distance, for lever arms (n,) [s]."""
+    if distance <= 0:
         return 0.0
-    rates = np.column_stack([getattr(limits, name)[moves] for name in RATES]).tolist()
+    return _least_enough(lambda time: float(lever @ _distances(problem, time)) >= distance)
 
-    def reached(time: float) -> float:
-        return float(lever[moves] @ [distance_in(time, *row) for row in rates])
 
-    low, high = 0.0, 1e-3
-    while reached(high) < distance:
+def _distances(problem: PlanningProblem, time: float) -> FloatArray:
+    """Return the largest distance of each joint from rest to rest in a time [s], (n,)."""
+    rates = np.column_stack([getattr(problem.robot.limits, name) for name in RATES]).tolist()
+    most = [distance_in(time, *row) for row in rates]
+    return np.minimum(most, _UNLIMITED)
+
+
+def _least_enough(is_enough: Callable[[float], bool]) -> float:
+    """Return the time from which on it is enough, by bisection from below [s]; 0: it never is."""
+    low, high = 0.0, _FIRST_TIME
+    while not is_enough(high):
         low, high = high, 2 * high
+        if high > MAX_DURATION:
+            return 0.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        low, high = (low, middle) if reached(middle) >= distance else (middle, high)
+        low, high = (low, middle) if is_enough(middle) else (middle, high)
     return low
 
 
@@ -318,6 +330,79 @@ def distance_in(time: float, velocity: float, acceleration: float, jerk: float) 
     if peak < rise * acceleration:
         return peak * (time - 2 * float(np.sqrt(peak / jerk)))
     return peak * (time - peak / acceleration - rise)
+
+
+# ---- The first joint and then the others, where one end alone is a given configuration.
+#
+# That joint turns by delta about its axis z, |delta| <= d_1(T), and takes the tool from p to
+# Rot(delta) p, both from a point of z. The others bring it to the other end o, as above:
+#
+#   |Rot(-delta) o - p| <= sum of r_j d_j(T) over all j after the first.
+#
+# If the second joint turns, about an axis a, then it and those that follow with parallel axes keep
+# the component of the tool along that axis, and only the joints after these change it:
+#
+#   |a Rot(-delta) o - a p| <= sum of r_j d_j(T) over these,
+#   a Rot(-delta) o = c + h cos(delta + gamma).
+#
+# T is long enough only if some delta fulfils both.
+
+
+def first_joint(problem: PlanningProblem) -> LowerBound:
+    """Return the least time in which the first joint and then the others move the tool [s]."""
+    robot, ends = problem.robot, problem.endpoints
+    index = 0 if ends[1].joints is None else 1
+    q = ends[index].joints
+    if q is None or ends[1 - index].joints is not None:
+        return LowerBound()
+    body_of = {int(joint): body for body, joint in enumerate(robot.body_joints) if body}
+    moving = np.flatnonzero(robot.joint_moves_body[robot.link_body[robot.tool_frame]]).tolist()
+    chain = sorted(moving, key=lambda j: int(robot.joint_moves_body[body_of[j]].sum()))
+    if not chain or not robot.revolute[chain[0]] or followers_of(robot.urdf, robot.joint_names):
+        return LowerBound()
+    first, *others = chain
+    tool, jacobian = robot.tool_jacobian(q)
+    lever, axes = np.sqrt((jacobian[:3] ** 2).sum(axis=0)), jacobian[3:].T
+    z, axis, rest = axes[first], axes[chain[min(1, len(others))]], others
+    while rest and robot.revolute[rest[0]] and _are_parallel(axis, axes[rest[0]]):
+        rest = rest[1:]
+    origin = robot.body_poses(q)[1][body_of[first]]
+    other, radius = _end_ball(problem, (-1, 0)[index])
+    along = [z * (z @ (point - origin)) for point in (tool, other)]
+    p, o = tool - origin - along[0], other - origin - along[1]  # across z
+    height, gamma = _polar(axis @ o, axis @ np.cross(z, o))
+    product, phi = _polar(p @ o, z @ np.cross(p, o))
+    constant = float(np.sum((along[1] - along[0]) ** 2) + p @ p + o @ o)
+    level = float(axis @ (tool - origin - along[1]))
+
+    def is_enough(time: float) -> bool:
+        most = _distances(problem, time)
+        near = float(lever[rest] @ most[rest]) + radius
+        low, high = 0.0, np.pi
+        if height > MIN_LENGTH:
+            cosines = (level + near) / height, (level - near) / height
+            if cosines[0] < -1 or cosines[1] > 1:
+                return False
+            low, high = np.arccos(np.clip(cosines, -1.0, 1.0)).tolist()
+        deltas = np.array([[low, high], [-high, -low]])[:, None] - gamma + _FULL_TURNS
+        begin = np.maximum(deltas[..., 0], -most[first])
+        end = np.minimum(deltas[..., 1], most[first])
+        if (begin > end).all():
+            return False
+        nearest = phi + _FULL_TURNS[:, None]
+        away = np.maximum(np.maximum(begin - nearest, nearest - end), 0.0)
+        cosine = np.cos(min(away[:, begin <= end].min(), np.pi))
+        distance = np.sqrt(max(constant - 2 * product * cosine, 0.0)) - radius
+        return bool(distance <= lever[others] @ most[others])
+
+    name = robot.joint_names[first]
+    reason = f"{name} and the joints after it, for the tool's position"
+    return LowerBound(_least_enough(is_enough), reason, None, name)
+
+
+def _polar(x: float, y: float) -> tuple[float, float]:
+    """Return length and angle of a vector (x, y)."""
+    return float(np.hypot(x, y)), float(np.arctan2(y, x))
 
 
 # ---- Points alone: no faster than their speed limits.
