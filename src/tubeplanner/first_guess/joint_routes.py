@@ -45,34 +45,32 @@ class PairGroups(BodyShapes):
 
     def __init__(self, checker: CollisionChecker, exact: BoolArray) -> None:
         """Group the pairs; those of a mask (P,) keep their shapes as they are."""
-        shapes = list(checker.shapes)
-        thinned: dict[int, int] = {}
+        shapes: list[BodyShape] = []
+        own: dict[tuple[int, bool], int] = {}  # index of each shape of the checker, by its thinning
 
-        def added(owner: str, body: int, shape: ConvexShape) -> int:
-            shapes.append(BodyShape(owner, body, shape))
+        def added(body: int, shape: ConvexShape) -> int:
+            shapes.append(BodyShape("", body, shape))
             return len(shapes) - 1
 
-        def thin(index: int) -> int:
-            own = shapes[index]
-            if index not in thinned:
-                few = own.shape.thinned
-                thinned[index] = index if few is own.shape else added(own.owner, own.body, few)
-            return thinned[index]
-
         groups: dict[tuple[int, int, str], list[tuple[int, int, int]]] = {}
-        for p, (i, j) in enumerate(checker.pairs.tolist()):
-            first, second = shapes[i], shapes[j]
+        for p, pair in enumerate(checker.pairs.tolist()):
+            first, second = (checker.shapes[k] for k in pair)
             obstacle = second.owner if p < len(checker.obstacle_pairs) else ""
             group = groups.setdefault((first.body, second.body, obstacle), [])
-            group.append((p, i, j) if exact[p] else (p, thin(i), thin(j)))
+            for k, each in zip(pair, (first, second), strict=True):
+                key = k, bool(exact[p])
+                if key not in own:
+                    own[key] = added(each.body, each.shape if exact[p] else each.shape.thinned)
+            i, j = (own[k, bool(exact[p])] for k in pair)
+            group.append((p, i, j))
         around: dict[tuple[int, ...], int] = {}
 
         def surrounded(indices: Iterable[int]) -> int:
-            own = tuple(sorted(set(indices)))
-            if len(own) > 1 and own not in around:
-                body, parts = shapes[own[0]].body, [shapes[k].shape for k in own]
-                around[own] = added("", body, _box_around(parts))
-            return around.get(own, own[0])
+            parts = tuple(sorted(set(indices)))
+            if len(parts) > 1 and parts not in around:
+                box = _box_around([shapes[k].shape for k in parts])
+                around[parts] = added(shapes[parts[0]].body, box)
+            return around.get(parts, parts[0])
 
         heads, pairs, begins = [], [], [0]
         for group in groups.values():
@@ -196,8 +194,9 @@ class FreeSpace:
         contacts = self._requirement.near_ends
         tools = np.array([[*near.tool, near.within] for near in contacts]).reshape(-1, 4)
         robot, directions = self.robot, np.zeros((len(required), 3))
-        for q in self._ends[[0, -1]]:  # where shapes overlap, only a direction tells how deep
-            touching = (groups.pair >= 0) & (self.clearances(q) <= _SAME)[groups.pair]
+        for q, clearances in zip(self._ends, self._at_ends, strict=True):
+            # Where shapes overlap, only a direction tells how deep.
+            touching = (groups.pair >= 0) & (clearances <= _SAME)[groups.pair]
             rows = np.flatnonzero(touching)
             directions[rows] = groups.separations(*self._poses(q), groups.rows[rows])[1]
         table = robot._joint_table
@@ -268,8 +267,12 @@ class FreeSpace:
     @cached_property
     def _least(self) -> FloatArray:
         """The least clearance of each pair at the ends, shape (P,) [m]."""
-        least: FloatArray = np.min([self.clearances(q) for q in self._ends], axis=0)
-        return least
+        return np.asarray(self._at_ends.min(axis=0))
+
+    @cached_property
+    def _at_ends(self) -> FloatArray:
+        """The clearances of all pairs at the ends, shape (E, P) [m]."""
+        return np.array([self.clearances(q) for q in self._ends])
 
     @cached_property
     def _groups(self) -> PairGroups:

@@ -8,6 +8,7 @@ other its direction is off by as much as 1e-4 rad; the normal of one of the face
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import coal
@@ -68,19 +69,23 @@ class PlacedShapes:
 
     def __init__(self, shapes: Sequence[ConvexShape]) -> None:
         """Take S shapes in their bodies' frames."""
-        cores = [_fcl_geometry(shape) for shape in shapes]
+        # Of shapes that were measured: few are where the native library measures the others.
+        self._objects: dict[int, fcl.CollisionObject] = {}
         self._solids: dict[int, Any] = {}
-        self._objects = [fcl.CollisionObject(geometry) for geometry, _ in cores]
-        self._cores = np.array([core for _, core in cores]).reshape(-1, 4, 4)
+        self._cores = np.empty((len(shapes), 4, 4))
         self._shapes = list(shapes)
         self._centers = np.array([shape.center for shape in shapes]).reshape(-1, 3)
         self._radii = np.array([shape.radius for shape in shapes])
-        # Padded by the first vertex of each shape: (S, V, 3).
-        most = max((len(shape.vertices) for shape in shapes), default=1)
-        self._vertices = np.empty((len(shapes), most, 3))
-        for index, shape in enumerate(shapes):
-            self._vertices[index] = shape.vertices[0]
-            self._vertices[index, : len(shape.vertices)] = shape.vertices
+
+    @cached_property
+    def _vertices(self) -> FloatArray:
+        """Vertices of all shapes, padded by the first of each, (S, V, 3) [m]."""
+        most = max((len(shape.vertices) for shape in self._shapes), default=1)
+        vertices = np.empty((len(self._shapes), most, 3))
+        for index, shape in enumerate(self._shapes):
+            vertices[index] = shape.vertices[0]
+            vertices[index, : len(shape.vertices)] = shape.vertices
+        return vertices
 
     def separations(
         self, pairs: IntArray, rotation: FloatArray, position: FloatArray
@@ -145,6 +150,9 @@ class PlacedShapes:
         """Return rotations and positions of the shapes' cores in the base frame."""
         if not (np.isfinite(rotation).all() and np.isfinite(position).all()):
             raise ValueError("poses must be finite")
+        for index in {*pairs.ravel().tolist()} - {*self._objects}:
+            geometry, self._cores[index] = _fcl_geometry(self._shapes[index])
+            self._objects[index] = fcl.CollisionObject(geometry)
         core = self._cores[pairs]
         placed = np.einsum("pkij,pkj->pki", rotation, core[:, :, :3, 3]) + position
         return rotation @ core[:, :, :3, :3], placed
