@@ -4,6 +4,8 @@ from itertools import islice, pairwise
 
 import numpy as np
 import pytest
+from arms import follower_arm
+from gantry import gantry
 
 from tubeplanner import load_problem, parse_problem
 from tubeplanner.first_guess import joint_routes
@@ -65,10 +67,28 @@ def test_clearance_is_the_distance_beyond_the_required_one():
     assert FreeSpace(problem, 0.1, problem.start[None]).is_free(problem.start)
 
 
-@pytest.mark.parametrize("margin", [0.0, 0.02])
-def test_edges_are_free_where_all_configurations_are(wall, margin, monkeypatch):
-    space = FreeSpace(wall, margin, np.array([wall.start, wall.goal]))
-    edges = random_edges(space, wall, 40, 1.5)
+@pytest.fixture(scope="module")
+def followers(tmp_path_factory):
+    """Return an arm with turning and sliding joints, some of which follow, and two posts."""
+    path = tmp_path_factory.mktemp("arm") / "arm.urdf"
+    path.write_text(follower_arm())
+    posts = [
+        {"name": f"post{k}", "cylinder": [0.05, 3], "position": [0.3, y, 0]}
+        for k, y in enumerate((-0.5, 0.6))
+    ]
+    robot = {"urdf": str(path), "tool_frame": "tip", "joints": ["lift", "first", "wrist"]}
+    part = {"name": "part", "box": [0.1, 0.1, 0.1], "position": [0.1, 0, 0], "touch_links": ["tip"]}
+    fields = {"robot": {**robot, "attached": [part]}, "start": {"joints": [0.1, 0, 0]}}
+    return parse_problem(
+        {**fields, "goal": {"joints": [0.1, 0.1, 0]}, "obstacles": posts}, "/", reads_tube=False
+    )
+
+
+@pytest.mark.parametrize(("name", "margin"), [("wall", 0.0), ("wall", 0.02), ("followers", 0.01)])
+def test_edges_are_free_where_all_configurations_are(request, name, margin, monkeypatch):
+    problem = request.getfixturevalue(name)
+    space = FreeSpace(problem, margin, np.array([problem.start, problem.goal]))
+    edges = random_edges(space, problem, 40, 1.5)
     free = space.are_free_edges(edges)
     dense = [all(space.is_free(q) for q in a + FRACTIONS * (b - a)) for a, b in edges]
     assert 5 < free.sum() < 35
@@ -120,6 +140,20 @@ def test_trees_grow_the_same_without_the_native_library(gap, monkeypatch):
     assert trees[0].state[:2].min() > 1
     for tree in range(2):
         np.testing.assert_allclose(*(own.nodes(tree) for own in trees), atol=1e-12)
+
+
+def test_sliding_joints_find_the_goal_that_can_be_reached(tmp_path):
+    walls = [  # one before the first goal; one beside the second, up to a gap
+        {"name": "before", "box": [1.4, 0.1, 0.4], "position": [0.5, 0.7, 0]},
+        {"name": "beside", "box": [0.1, 0.6, 0.4], "position": [0.4, 0.2, 0]},
+    ]
+    ends = {"start": {"joints": [0.2, 0.3]}, "goal": {"joints": [0.2, 0.9]}}
+    problem = load_problem(gantry(tmp_path, walls, **ends), reads_tube=False)
+    goals = np.array([problem.goal, [0.8, 0.3]])
+    route = next(RouteSearch(problem, problem.start, goals).routes(1, 20_000))
+    np.testing.assert_array_equal(route[[0, -1]], [problem.start, goals[1]])
+    assert route[:, 1].max() > 0.5 + 0.02  # past the second wall, beside the ball of the tool
+    assert ((route >= 0) & (route <= 1)).all()
 
 
 def test_a_straight_route_is_the_last():

@@ -330,7 +330,7 @@ _RANGE = 0.7  # of a new edge [rad of a joint of median speed]
 _DOMAIN = 4.0  # distance of samples from a node that an edge could not leave, likewise
 _MAX_REFUSED = 50  # samples in a row that lie in no node's domain
 _EDGES_AT_ONCE = 1_000  # until the time is looked at
-_SHORTCUTS = 100
+_SHORTCUTS = 50  # more of them leave a route hardly shorter, with more corners
 # Joint ranges of the search beyond start and goals, unless limits are nearer [rad or m].
 _BEYOND = np.pi
 _GOLDEN, _MASK = 0x9E3779B97F4A7C15, (1 << 64) - 1
