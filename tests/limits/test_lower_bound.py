@@ -23,7 +23,7 @@ from tubeplanner import (
     lower_bound,
     plan,
 )
-from tubeplanner.limits.lower_bound import distance_in, rest_to_rest, slowest_joint, tool_travel
+from tubeplanner.limits.lower_bound import distance_in, rest_to_rest, slowest_joint, slowest_tool
 from tubeplanner.limits.speed_limits import minimum_duration
 from tubeplanner.task.endpoints import Seed, ToolPose
 
@@ -73,7 +73,7 @@ def test_no_certified_motion_is_shorter(name, planned):
     problem, result = planned(name, "refinement")
     speed = result.peaks.tool_speed.value
     limited = problem.with_tube(replace(problem.tube, tool_speed=speed))
-    travel = tool_travel(limited)
+    travel = slowest_tool(limited)
     assert travel.reason == f"tool_speed of segment {travel.segment}"
     assert 0 < travel.duration <= lower_bound(limited).duration <= result.duration
 
@@ -310,7 +310,7 @@ BOX = {"box": [0.2, 0.04], "up": [0, 0, 1]}
     ],
 )
 def test_the_least_way_through_a_tube(problem, length):
-    assert tool_travel(problem).duration == pytest.approx(length / SPEED, rel=2e-4, abs=1e-9)
+    assert slowest_tool(problem).duration == pytest.approx(length / SPEED, rel=2e-4, abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -321,7 +321,7 @@ def test_no_way_through_a_random_tube_is_shorter(seed):
     radius, speed = rng.uniform(0.01, 0.4, (2, len(points) - 1))
     goal = GoalRegion(points[-1], radius[-1])
     problem = through(points, goal, radius, speed, pass_through_points="none")
-    bound = tool_travel(problem).duration
+    bound = slowest_tool(problem).duration
     passing = np.minimum(np.append(radius, radius[-1]), np.append(radius[0], radius))
     passing[0] = 0.0
     direct = points[0] - points
@@ -338,4 +338,4 @@ def test_in_a_tube_for_two_link_arms_the_tool_may_be_beside_the_end():
     """That arm does not reach all points of the ball: its tool is anywhere in it."""
     problem = limited_tool(tube_speed=SPEED, count=1)
     length = np.linalg.norm(np.diff(problem.tube.points, axis=0))
-    assert tool_travel(problem).duration == pytest.approx((length - 2 * 0.05) / SPEED, rel=1e-4)
+    assert slowest_tool(problem).duration == pytest.approx((length - 2 * 0.05) / SPEED, rel=1e-4)
