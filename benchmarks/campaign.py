@@ -25,14 +25,11 @@ done again; --report prints what one has. Exit status 1 if an answer is wrong.
 
 import argparse
 import hashlib
-import json
 import math
-import re
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import nullcontext
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -41,10 +38,9 @@ from typing import Any
 import numpy as np
 
 from campaign_examine import UNBUILT, Fields, Options, examine, is_wrong
-from tubeplanner import WorkerProcesses
-from tubeplanner.studies.journal import Journal
+from journals import journalled, recorded
+from shared import cause
 from tubeplanner.studies.problem_spec import package_hash
-from tubeplanner.studies.rows import run_many
 
 STUCK = 1.01  # times the best of the three
 MAX_SHOWN = 12  # seeds of a cause
@@ -83,26 +79,15 @@ def main() -> int:
     )
     keys = {seed: _key(seed, how) for seed in seeds}
     deadline = time.monotonic() + options.seconds
-    with nullcontext() if options.output is None else Journal(options.output) as journal:
-        known = {seed: journal[key] for seed, key in keys.items() if journal and key in journal}
-        lines = list(known.values())
-        missing = [seed for seed in seeds if seed not in known]
-        for line in lines_of(missing, partial(examine, options=how), options.processes):
-            lines.append(line)
+    lines = []
+    work = partial(examine, options=how)
+    for line, is_new in journalled(keys, work, options.output, options.processes):
+        lines.append(line)
+        if is_new:
             print(_progress(line), flush=True)
-            if journal is not None:
-                journal.add(keys[line["seed"]], {"seed": line["seed"]}, line)
-            if time.monotonic() > deadline:
-                break
+        if time.monotonic() > deadline:
+            break
     return _answered(lines)
-
-
-def recorded(path: Path) -> list[Fields]:
-    """Return the lines of a journal, whatever sources made them; of a seed the last one."""
-    rows = path.read_text().splitlines(keepends=True)
-    whole = [row for row in rows if row.endswith("\n")]  # another one is being written
-    done = [json.loads(row)["row"] for row in whole]
-    return list({line["seed"]: line for line in done}.values())
 
 
 def stuck(line: Fields) -> list[str]:
@@ -120,23 +105,6 @@ def report(lines: Iterable[Fields]) -> str:
         return "no problem was built"
     parts = [_marks(lines, built), _kinds(built), _times(built), _causes(built), _lists(built)]
     return "\n\n".join(part for part in parts if part)
-
-
-def lines_of(seeds: list[int], work: Callable[[int], Fields], processes: int) -> Iterator[Fields]:
-    """Yield what comes of every seed; one whose process dies costs its own line alone."""
-    with nullcontext() if processes == 1 else WorkerProcesses(processes) as workers:
-        for done in run_many(work, seeds, workers):
-            message = f"{type(done.error).__name__}: {done.error}"
-            crashed = {"seed": seeds[done.index], "status": "crash", "message": message}
-            yield crashed if done.value is None else done.value
-
-
-def cause(message: str) -> str:
-    """Return a message without its numbers, names and places."""
-    text = re.sub(r"'[^']*'", "'...'", message)
-    text = re.sub(r"\[[^\]]*\]", "[...]", text)
-    text = re.sub(r"[-+]?\d+(\.\d+)?([eE][-+]?\d+)?", "#", text)
-    return text[:110]
 
 
 def _key(seed: int, options: Options) -> str:

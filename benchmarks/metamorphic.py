@@ -18,15 +18,13 @@ or tighter one is planned, or the outside judge (`--judge`) does not pass an ans
 import argparse
 import hashlib
 import math
-from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from campaign import lines_of
+from journals import journalled
 from metamorphic_families import EQUAL, LOOSER, VARIANTS, Fields, Options, examine
 from shared import HERE, geometric_mean
-from tubeplanner.studies.journal import Journal
 
 STUCK, MAX_STUCK = 1.01, 0.02
 LEVELS = (1.001, 1.005, STUCK)
@@ -57,16 +55,13 @@ def main() -> int:
     )
     seeds = arguments.seeds or list(range(arguments.seed, arguments.seed + arguments.families))
     keys = {seed: _key(seed, options) for seed in seeds}
-    with nullcontext() if arguments.journal is None else Journal(arguments.journal) as journal:
-        lines = [journal[key] for key in keys.values() if journal and key in journal]
-        missing = [seed for seed in seeds if not journal or keys[seed] not in journal]
-        for line in lines_of(missing, partial(examine, options=options), arguments.processes):
-            lines.append(line)
+    lines, work = [], partial(examine, options=options)
+    for line, is_new in journalled(keys, work, arguments.journal, arguments.processes):
+        lines.append(line)
+        if is_new:
             print(f"{line['seed']} {line.get('arm', '')}: {line['status']}", flush=True)
             for text in _faults(line, options.keep):
                 print(text, flush=True)
-            if journal is not None:
-                journal.add(keys[line["seed"]], {"seed": line["seed"]}, line)
     print(report(lines, options))
     return int(not is_good(lines))
 

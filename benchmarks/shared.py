@@ -1,8 +1,9 @@
-"""What benchmarks share: bundled problems, other checkouts, geometric means, cells of tables."""
+"""What benchmarks share: bundled problems, other checkouts, means, cells of tables."""
 
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
@@ -98,6 +99,14 @@ def environment(folder: Path) -> dict[str, str]:
             f"{folder} has no native library: python -m tubeplanner.native.build", file=sys.stderr
         )
     return os.environ | {"PYTHONPATH": str(folder / "src"), "OPENBLAS_NUM_THREADS": "1"}
+
+
+def cause(message: str) -> str:
+    """Return a message without its numbers, names and places."""
+    text = re.sub(r"'[^']*'", "'...'", message)
+    text = re.sub(r"\[[^\]]*\]", "[...]", text)
+    text = re.sub(r"[-+]?\d+(\.\d+)?([eE][-+]?\d+)?", "#", text)
+    return text[:110]
 
 
 def geometric_mean(values: Iterable[float]) -> float:
