@@ -9,6 +9,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import trimesh
 import yaml
 
@@ -26,6 +27,12 @@ from tubeplanner import (
     placement_of,
     plan,
     run_study,
+)
+from tubeplanner.geometry.point_clouds import read_point_cloud
+from tubeplanner.output.files.new_problem_files import (
+    imported_problem,
+    read_cell,
+    scene_and_request,
 )
 from tubeplanner.output.files.problem_file import read_fields, with_other_tube
 from tubeplanner.output.link_visuals import read_visual_mesh
@@ -140,6 +147,56 @@ moves:
   - name: back
     tube: {points: [[0.2, 0.1, 0], [0.45, -0.3, 0]], radius: 0.15, joint_signs: {joint2: "-"}}
 """
+SCENE = """
+robot_model_name: two_link
+robot_state:
+  joint_state: {name: [joint1, joint2], position: [0.0, -1.0]}
+  multi_dof_joint_state:
+    joint_names: [virtual_joint]
+    transforms: [{translation: [0, 0, 0], rotation: [0, 0, 0, 1]}]
+  attached_collision_objects:
+    - link_name: hand
+      touch_links: [link2]
+      object: {id: pen, primitives: [{type: 2, dimensions: [0.01]}]}
+fixed_frame_transforms:
+  - {header: {frame_id: bench}, child_frame_id: world, transform: {translation: {x: 1.0}}}
+allowed_collision_matrix:
+  entry_names: [base, link1, wall]
+  entry_values: [[false, true, false], {enabled: [true, false, false]}, [false, false, false]]
+  default_entry_names: [pen]
+  default_entry_values: [true]
+world:
+  collision_objects:
+    - header: {frame_id: bench}
+      id: wall
+      pose: {position: {x: 0.0, y: 2.0, z: 0.0}, orientation: {w: 1.0}}
+      primitives: [{type: box, dimensions: [0.1, 0.1, 0.1]}, {type: 3, dimensions: [0.2, 0.05]}]
+      primitive_poses: [{position: [0, 0, 0]}, {position: [0, 0.3, 0], orientation: [0, 0, 0, 1]}]
+    - id: part
+      meshes:
+        - vertices: [[0, 0, 1], {x: 0.1, z: 1.0}, [0, 0.1, 1], [0, 0, 1.1]]
+          triangles: [[0, 2, 1], {vertex_indices: [0, 1, 3]}, [1, 2, 3], [0, 3, 2]]
+      mesh_poses: [{position: [0, 0, 0.5]}]
+"""
+REQUEST = """
+group_name: arm
+max_velocity_scaling_factor: 0.5
+start_state: {joint_state: {name: [joint1, joint2], position: [0.0, -1.0]}}
+goal_constraints:
+  - joint_constraints:
+      - {joint_name: joint1, position: 0.5}
+      - {joint_name: joint2, position: -1.5}
+"""
+POSE_REQUEST = """
+start_state: {joint_state: {name: [joint1, joint2], position: [0.0, -1.0]}}
+goal_constraints:
+  - position_constraints:
+      - link_name: hand
+        constraint_region:
+          primitives: [{type: 2, dimensions: [0.01]}]
+          primitive_poses: [{position: {x: 0.4, y: 0.2}, orientation: {w: 1.0}}]
+    orientation_constraints: [{link_name: hand, orientation: {w: 1.0}}]
+"""
 STUDY = """
 format: tubeplanner/study
 study:
@@ -237,6 +294,19 @@ def points() -> list[bytes]:
         f"{bare}\n".encode(),
         f"x,y,z,qx,qy,qz,qw\n{turned}\n".encode(),
     ]
+
+
+def clouds(ending: str) -> list[bytes]:
+    """Return point clouds of a format."""
+    rows = [(0.0, 2.0, 0.1 * k) for k in range(5)]
+    text = "\n".join(" ".join(map(str, row)) for row in rows).encode()
+    if ending == "xyz":
+        return [b"# x y z\n" + text, text.replace(b" ", b",")]
+    if ending == "ply":
+        return [trimesh.PointCloud(rows).export(file_type="ply", encoding="ascii")]
+    head = b"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 5\nHEIGHT 1\n"
+    head += b"POINTS 5\nDATA "
+    return [head + b"ascii\n" + text, head + b"binary\n" + np.array(rows, "<f4").tobytes()]
 
 
 def motion(ending: str) -> list[bytes]:
@@ -373,6 +443,38 @@ def _motion(ending: str, form: str) -> Kind:
     )
 
 
+def _cloud(ending: str) -> Kind:
+    scan = f"{{name: scan, points: scan.{ending}, size: 0.05}}"
+    return Kind(
+        f"scan.{ending}",
+        "csv" if ending == "xyz" else "stl",
+        partial(clouds, ending),
+        read_point_cloud,
+        (_INFO,),
+        _beside(problem__yaml=f"{with_robot('')}obstacles: [{scan}]\n"),
+    )
+
+
+def _read_messages(path: Path) -> None:
+    scene, request = scene_and_request([Path("scene.yaml"), Path("request.yaml")])
+    cell = read_cell("example:two_link", "hand", None, None)
+    imported_problem(cell, scene, request, "it")
+
+
+def _messages(file: str, contents: tuple[str, ...]) -> Kind:
+    arm = ("--urdf", "example:two_link", "--srdf", "arm.srdf")
+    scene = f"{with_robot('')}obstacles: [{{moveit_scene: scene.yaml}}]\n"
+    return Kind(
+        file,
+        "yaml",
+        lambda: [text.encode() for text in contents],
+        _read_messages,
+        (_INFO, ("import", "scene.yaml", "request.yaml", *arm)),
+        _beside(problem__yaml=scene, scene__yaml=SCENE, request__yaml=REQUEST, arm__srdf=SRDF),
+        ("yaml",),
+    )
+
+
 def _part(file: str, text: str, read: Callable[[Path], object], problem: str) -> Kind:
     """Return a YAML file that a problem names."""
     return Kind(
@@ -461,6 +563,11 @@ KINDS: Mapping[str, Kind] = {
         _beside(problem__yaml=WITH_STATE),
         ("xml",),
     ),
+    "moveit-scene": _messages("scene.yaml", (SCENE,)),
+    "moveit-request": _messages("request.yaml", (REQUEST, POSE_REQUEST)),
+    "ply": _cloud("ply"),
+    "pcd": _cloud("pcd"),
+    "xyz": _cloud("xyz"),
     "stl": _mesh("stl", "stl"),
     "obj": _mesh("obj", "text"),
     "dae": _mesh("dae", "xml"),

@@ -18,7 +18,8 @@ from tubeplanner.geometry.convex_shapes import ConvexShape, box
 _MAX_BYTES = 200_000_000
 _MAX_LENGTH = 1e4  # [m]: no arm and no cell is larger
 _MAX_REASON = 200  # [characters]
-# Every box is a pair with every shape of every moving link: with a Panda this many take 1 GB.
+# Every box is a pair with every shape of every moving link: with a Panda these are 20,000 pairs,
+# whose distances take 20 to 50 ms, and `route` takes seconds instead of one.
 MAX_BOXES = 2_000
 
 

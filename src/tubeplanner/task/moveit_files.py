@@ -72,19 +72,31 @@ class Message:
         """Return the map of a key; empty without."""
         return self._part(self.value(key, {}), self._path(key))
 
-    def parts(self, key: str) -> "list[Message]":
-        """Return the maps of the list of a key; none without."""
+    def values(self, key: str) -> list[Any]:
+        """Return the list of a key; empty without."""
         items = self.value(key, [])
         if not isinstance(items, list):
             raise self.fault(key, items, "a list")
-        return [self._part(item, f"{self._path(key)}[{k}]") for k, item in enumerate(items)]
+        return items
+
+    def parts(self, key: str) -> "list[Message]":
+        """Return the maps of the list of a key; none without."""
+        items = enumerate(self.values(key))
+        return [self._part(item, f"{self._path(key)}[{k}]") for k, item in items]
 
     def texts(self, key: str) -> list[str]:
         """Return the list of texts of a key; empty without."""
-        items = self.value(key, [])
-        if not isinstance(items, list) or not all(isinstance(each, str) for each in items):
+        items = self.values(key)
+        if not all(isinstance(each, str) for each in items):
             raise self.fault(key, items, "a list of texts")
         return items
+
+    def number(self, key: str) -> float:
+        """Return the number of a key; 0 without."""
+        value = self.value(key, 0.0)
+        if not is_number(value):
+            raise self.fault(key, value, "a number")
+        return float(value)
 
     def numbers(self, key: str, names: str = "") -> list[float]:
         """Return the numbers of a list, or of a map with some names of one letter; empty without.
@@ -95,10 +107,8 @@ class Message:
 
     def rows(self, key: str, names: str) -> list[list[float]]:
         """Return the rows of the list of a key, each as `numbers`."""
-        items = self.value(key, [])
-        if not isinstance(items, list):
-            raise self.fault(key, items, "a list")
-        return [self._row(f"{key}[{k}]", item, names) for k, item in enumerate(items)]
+        items = enumerate(self.values(key))
+        return [self._row(f"{key}[{k}]", item, names) for k, item in items]
 
     def _row(self, key: str, items: Any, names: str) -> list[float]:
         if names and isinstance(items, dict) and not set(items) - set(names):
@@ -401,8 +411,9 @@ def _placed_parts(
 
 def _primitive(message: Message, label: str) -> dict[str, Any]:
     kind = message.value("type")
-    kind = kind.lower() if isinstance(kind, str) else _PRIMITIVES.get(kind, kind)
-    if kind not in _SIZE_COUNTS:
+    kind = _PRIMITIVES.get(kind, kind) if is_number(kind) else kind
+    kind = kind.lower() if isinstance(kind, str) else kind
+    if not isinstance(kind, str) or kind not in _SIZE_COUNTS:
         raise ProblemError(
             f"{label}: a primitive of type {shown(kind)} is not read, only "
             f"{', '.join(_SIZE_COUNTS)}; give a mesh"
@@ -420,7 +431,7 @@ def _primitive(message: Message, label: str) -> dict[str, Any]:
 def _mesh(message: Message) -> dict[str, Any]:
     triangles = [
         each.get("vertex_indices") if isinstance(each, dict) else each
-        for each in message.value("triangles", [])
+        for each in message.values("triangles")
     ]
     return {"vertices": message.rows("vertices", "xyz"), "triangles": triangles}
 
@@ -440,7 +451,7 @@ def _allowed_pairs(
     entries = matrix.texts("entry_names")
     rows: list[Any] = [
         row.get("enabled") if isinstance(row, dict) else row
-        for row in matrix.value("entry_values", [])
+        for row in matrix.values("entry_values")
     ]
     is_square = all(isinstance(row, list) and len(row) == len(entries) for row in rows)
     if not is_square or len(rows) != len(entries):
@@ -448,14 +459,12 @@ def _allowed_pairs(
             f"{matrix.label}: entry_values must be {len(entries)} rows of {len(entries)} values, "
             "as many as entry_names"
         )
-    defaults = dict(
-        zip(
-            matrix.texts("default_entry_names"),
-            matrix.value("default_entry_values", []),
-            strict=False,
-        )
-    )
-    solids = {name: own for own, each in names.of.items() for name in each}
+    with_default = matrix.texts("default_entry_names")
+    values = matrix.values("default_entry_values")
+    if len(values) != len(with_default):
+        raise matrix.fault("default_entry_values", values, f"{len(with_default)} values")
+    defaults = dict(zip(with_default, values, strict=True))
+    solids = {name: object_ for object_, each in names.of.items() for name in each}
     unknown = [n for n in dict.fromkeys((*entries, *defaults)) if n not in {*known, *names.of}]
     if unknown:
         listed = ", ".join(unknown)
@@ -466,8 +475,8 @@ def _allowed_pairs(
         if one in number and other in number:
             is_allowed = bool(rows[number[one]][number[other]])
         else:
-            values = [defaults[name] for name in (one, other) if name in defaults]
-            is_allowed = bool(values) and all(values)
+            own = [defaults[name] for name in (one, other) if name in defaults]
+            is_allowed = bool(own) and all(own)
         if is_allowed:
             yield first, second
 
@@ -521,7 +530,7 @@ def goal_of_request(
                 f"{goal.label}.joint_constraints has no joint {', '.join(missing)}; all joints of "
                 f"the planning group are needed: {', '.join(robot.joint_names)}"
             )
-        values = {name: joints[name].value("position", 0.0) for name in robot.joint_names}
+        values = {name: joints[name].number("position") for name in robot.joint_names}
         others = [name for name in joints if name not in robot.joint_names]
         if others:
             notes.append(f"{goal.label}: not planned are the joints {', '.join(others)}")

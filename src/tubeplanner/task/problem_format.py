@@ -230,11 +230,14 @@ class PayloadFields(DeclaredSection):
     """A mass carried in the tool frame."""
 
 
+_Index: TypeAlias = Annotated[int, Field(strict=True, ge=0, le=_MAX_BYTES)]
+
+
 class TriangleFields(Section):
     """A mesh in the file itself."""
 
     vertices: list[Vector] = Field(description="corners [m]")
-    triangles: list[tuple[int, int, int]] = Field(
+    triangles: list[tuple[_Index, _Index, _Index]] = Field(
         description="three numbers of vertices each, from 0, in their order seen from outside"
     )
 
