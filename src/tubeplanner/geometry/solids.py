@@ -1,5 +1,6 @@
 """Obstacle and AttachedSolid: placement, contents, hand-over between cell and tool."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -203,7 +204,7 @@ def placement_of(
     placement[:3, 3] = position
     if quaternion is not None:
         is_row = are_numbers(quaternion, 4)
-        if not is_row or not 1e-9 < np.linalg.norm(quaternion) < 1e9:
+        if not is_row or not 1e-9 < math.hypot(*quaternion) < 1e9:
             raise ProblemError(f"quaternion {shown(_listed(quaternion))} has no direction")
         placement[:3, :3] = matrix_of_quaternion(np.array(quaternion, dtype=float))
     elif rpy is not None:
