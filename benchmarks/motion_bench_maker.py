@@ -13,8 +13,9 @@ chosen by hand, and none by robot or scene.
 Limits: accelerations of 15 rad/s^2 for the Panda and 12 rad/s^2 for the UR5, jerks of 500 rad/s^3,
 efforts of the URDFs (87 and 12 N m; 150 and 28 N m). Velocities of `curobo` are those of the
 Panda's URDF (2.39 and 2.87 rad/s), of `moveit` its maker's (2.175 and 2.61 rad/s); of the UR5 3.15
-and 3.2. With --poses the goal is the pose of the tool, not joints. --carry adds a payload [kg] at
-the tool, --shrink narrows the position limits [rad].
+and 3.2. With --poses the goal is the pose of the tool, not joints, and the bound is that of the
+configuration in which the motion ends. --carry adds a payload [kg] at the tool, --shrink narrows
+the position limits [rad].
 The journal has a line per problem, in which processor times [s] are of one process: `loading` is
 that of reading messages, robot and collision geometry, `first` is from there to the first certified
 motion, `total` to the end. Those of a first problem have the libraries' first calls in them. What a
@@ -42,7 +43,7 @@ import numpy as np
 from journals import Fields, journalled, recorded
 from shared import cause, figure
 from tubeplanner.errors import TubePlannerError
-from tubeplanner.limits.lower_bound import least_duration
+from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.orientation import quaternion_of_matrix
 from tubeplanner.outcome import Progress
 from tubeplanner.output.files.new_problem_files import (
@@ -234,8 +235,14 @@ def examine(task: str, options: Options) -> Fields:
         return line
     report = answer.as_dict()
     first = answers[0] if answers else (total, answer.answer.duration)
-    bound = (report.get("bound") or {}).get("duration") or least_duration(problem)
-    line |= {"duration": answer.answer.duration, "bound": bound or None}
+    bound = lower_bound(problem)  # without a tube: that of the answer's may be larger
+    trajectory = answer.answer.result.trajectory
+    assert trajectory is not None
+    if options.poses:
+        line["bound_of_pose"] = bound.duration
+        bound = lower_bound(replace(problem, goal=trajectory.position(trajectory.duration)))
+    line |= {"duration": answer.answer.duration, "bound": bound.duration or None}
+    line["decides"] = bound.reason
     line |= {"first": first[0], "first_duration": first[1]}
     line["certified"] = report["certificate"]["passed"]
     if options.keep is not None:
