@@ -1,6 +1,6 @@
 """`measure`, `route`, `teach`: tubes from obstacles, from start and goal, or from a trail."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from tubeplanner.output.files.problem_file import (
     with_other_tube,
     with_problem,
 )
+from tubeplanner.output.files.trajectory_writer import FORMATS, ExportedMotion
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.studies.tubes.measurement import PatternSurvey, measure_tube, survey_patterns
@@ -33,6 +34,7 @@ from tubeplanner.studies.tubes.teach import TeachOptions
 from tubeplanner.studies.tubes.teach import teach as teach_tube
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.info import problem_doubts
+from tubeplanner.task.motion import ProblemMotion
 from tubeplanner.task.problem import PlanningProblem
 
 _OUTPUT = click.option("-o", "--output", type=console.PATH, help="Problem file with the tube.")
@@ -120,7 +122,8 @@ def _compare(problem: str, options: MeasureOptions, changes: dict[str, Any], as_
 
 @click.command()
 @click.argument("problem")
-@_OUTPUT
+@click.option("-o", "--output", type=console.PATH, help="Problem file with the route.")
+@click.option("--trajectory", type=console.PATH, help="Write the motion (JSON).")
 @_SEED
 @click.option(
     "--edges", type=int, default=300_000, show_default=True, help="Edges that the search tests."
@@ -138,6 +141,7 @@ def _compare(problem: str, options: MeasureOptions, changes: dict[str, Any], as_
 def route(
     problem: str,
     output: Path | None,
+    trajectory: Path | None,
     seed: int,
     edges: int,
     max_radius: float,
@@ -147,19 +151,25 @@ def route(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Find a tube for PROBLEM from start, goal and obstacles alone, and plan through the tube.
+    """Find the fastest motion for PROBLEM from start, goal and obstacles alone.
 
-    PROBLEM needs no tube; its goal may be a tool position. -o writes a problem file for `plan`,
-    with the tube of the fastest certified trajectory. --measured writes one with a second tube,
-    which was measured.
+    PROBLEM needs no tube; its goal may be a pose or a position of the tool. --trajectory writes the
+    motion; -o writes a problem file with a joint route, of which `plan` makes that motion.
+    --measured measures a tube about the motion in which nothing collides, and writes its problem.
     """
     options = RouteOptions(
-        seed, edges, max_radius=max_radius, samples=samples, time_limit=time_limit
+        seed,
+        edges,
+        max_radius=max_radius,
+        samples=samples,
+        time_limit=time_limit,
+        measures=measured is not None,
     )
     _require_none_of(changes, ("tube",), "route")
     files = console.OutputFiles(
         console.Request("problem", output, "-o PROBLEM.yaml"),
         console.Request("measured", measured),
+        console.Request("trajectory", trajectory),
         inputs=[problem],
     )
     with console.shown_progress() as enter:
@@ -172,7 +182,9 @@ def route(
     replaced = {"tube": tube} if isinstance(tube, dict) else {}
     notes = notes_on_dropped(replaced, (), "the tube is a new one")
     answer = replace(answer, notes=(*answer.notes, *notes))
-    _write(files, fields, source.parent, problem=answer.answer, measured=answer.measured)
+    own = {} if answer.answer is None else {"trajectory": _motion_content(answer.answer)}
+    tubes = {"problem": answer.answer, "measured": answer.measured}
+    _write(files, fields, source.parent, own, **tubes)
     if measured is not None and answer.succeeded and answer.measured is None:
         note = f"{measured} was not written: there is no measured tube"
         answer = replace(answer, notes=(*answer.notes, note))
@@ -241,7 +253,7 @@ def teach(
         files.spare([loaded.robot.urdf.path])
         answer = teach_tube(loaded, recorded, options, enter)
     answer = replace(answer, notes=(*notes, *answer.notes), recorded_duration=duration)
-    _write(files, cell.fields, cell.folder, problem=answer.answer)
+    _write(files, cell.fields, cell.folder, {}, problem=answer.answer)
     return _print_answer(loaded, answer, None, files, as_json)
 
 
@@ -253,12 +265,24 @@ def _require_none_of(changes: Iterable[str], unread: tuple[str, ...], source: st
 
 
 def _write(
-    files: console.OutputFiles, fields: Any, folder: Path, **tubes: PlannedTube | None
+    files: console.OutputFiles,
+    fields: Any,
+    folder: Path,
+    contents: Mapping[str, Callable[[Path], bytes]],
+    **tubes: PlannedTube | None,
 ) -> None:
-    """Write the problems of tubes, by the kinds of their files."""
+    """Write contents and the problems of tubes, by the kinds of their files."""
     problems = {kind: tube.problem for kind, tube in tubes.items() if tube is not None}
     content = partial(with_problem, fields, folder)
-    files.write({kind: partial(content, problem=each) for kind, each in problems.items()})
+    files.write({**{k: partial(content, problem=each) for k, each in problems.items()}, **contents})
+
+
+def _motion_content(planned: PlannedTube) -> Callable[[Path], bytes]:
+    """Return the function that makes the content of a motion's file."""
+    trajectory, result = planned.result.trajectory, planned.result
+    assert trajectory is not None
+    motion = ExportedMotion(ProblemMotion(planned.problem, trajectory), result.method)
+    return partial(FORMATS[0].content, motion)
 
 
 def _print_answer(
@@ -286,13 +310,16 @@ def _print_answer(
 def tube_text(name: str, answer: TubeAnswer) -> str:
     """Return the result of a search for a tube as text, after the name of the problem."""
     lines = [f"{name}: searched for {answer.search_time:.1f} s"]
-    if answer.compared:
-        listed = [
-            "none" if duration is None else f"{duration:.3f} s" for duration in answer.compared
-        ]
-        lines.append(f"along the routes compared, quality fast and slack 0: {', '.join(listed)}")
-    if answer.answer is not None:
-        tube = answer.answer.problem.tube
+    if answer.first_answer_time is not None:
+        lines.append(
+            f"first certified motion after {answer.first_answer_time:.1f} s; {answer.routes} "
+            f"route{'s' * (answer.routes != 1)} by {answer.edges} edges"
+        )
+    tube = None if answer.answer is None else answer.answer.problem.tube
+    if tube is not None and tube.route is not None:
+        for k, q in enumerate(tube.route):
+            lines.append(f"route, configuration {k}: [{', '.join(f'{x:.4f}' for x in q)}]")
+    elif tube is not None:
         for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):
             location = ", ".join(f"{x:.4f}" for x in point)
             width = "" if radius is None else f", then a radius of {1000 * radius:.1f} mm"

@@ -1,4 +1,4 @@
-"""Tubes from start, goal and obstacles alone."""
+"""Motions from start, goal and obstacles alone."""
 
 import json
 from dataclasses import replace
@@ -11,12 +11,13 @@ from measured_tubes import random_attack
 from tubeplanner import PlanOptions, RouteOptions, find_route, load_problem, parse_problem, plan
 from tubeplanner.errors import OptionError
 from tubeplanner.first_guess.joint_routes import FreeSpace, RouteSearch
+from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.outcome import TimeLimitReached
 from tubeplanner.studies.tubes.route import goal_configurations
 from tubeplanner.studies.tubes.routes import reference_tube, tool_corners
 
 GAP = "example:two_link/through_the_gap"
-QUICK = RouteOptions(edges=400, samples=200)
+QUICK = RouteOptions(edges=400, samples=200, measures=True)
 CELL = {
     "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
     "start": {"joints": [0, 0.5]},
@@ -51,7 +52,7 @@ def answered(gap):
 @pytest.fixture(scope="module")
 def late():
     """Return the answer of a search whose time passes while it measures."""
-    return stopped("step 4 of 4", TimeLimitReached())
+    return stopped("step 3 of 3", TimeLimitReached())
 
 
 def cell(**changes):
@@ -101,7 +102,8 @@ def test_a_tool_position_has_several_configurations(two_link):
     assert {np.sign(q[1]) for q in goals} == {1.0, -1.0}
     tool = two_link.tool_position(goals)
     np.testing.assert_allclose(tool, [[0.3, 0.3, 0]] * len(goals), atol=2e-6)
-    assert abs(goals[0] - problem.start).max() == min(abs(goals - problem.start).max(axis=1))
+    least = [lower_bound(replace(problem, goal=q)).duration for q in goals]
+    assert least == sorted(least)
 
 
 def test_signs_that_hold_everywhere_are_kept(two_link):
@@ -111,65 +113,67 @@ def test_signs_that_hold_everywhere_are_kept(two_link):
     assert tube.joint_ranges[1] == {"joint1": (0.15, 0.85), "joint2": (-0.05, 0.55)}
 
 
-@pytest.mark.dear("searches, plans and measures three routes through a gap")
-def test_the_tube_of_a_route_is_planned_and_a_measured_one_offered_beside_it(gap, answered):
+@pytest.mark.dear("searches and plans along routes through a gap, and measures a tube")
+def test_the_motion_of_a_route_is_planned_and_a_measured_tube_offered_beside_it(gap, answered):
     answer, told = answered
     found, measured = answer.answer, answer.measured
     assert answer.succeeded
     np.testing.assert_allclose(found.problem.goal, gap.goal)
-    assert 2 <= len(answer.compared) <= 3
-    assert found.duration <= min(answer.compared)
-    assert measured is not found
+    assert 0 < answer.first_answer_time <= answer.search_time
+    assert answer.routes >= 1 and 400 <= answer.edges < 500
     assert measured.result.succeeded and measured.duration > found.duration
     rng = np.random.default_rng(3)
     for k in range(measured.problem.tube.segment_count):
         assert random_attack(measured.problem, k, 500, rng).collisions == 0
     fields = answer.as_dict()
     assert fields["duration"] == found.duration
+    assert fields["bound"]["duration"] <= found.duration
+    assert fields["route"] == found.problem.tube.route.tolist() and fields["points"] is None
     assert fields["measured"]["duration"] == measured.duration
     assert fields["measured"]["radius"] == measured.problem.tube.radius.tolist()
-    assert fields["radius"] == [0.05] * len(fields["radius"])
     steps = [int(each.stage.removeprefix("step ")[0]) for each in told]
-    assert steps == sorted(steps) and set(steps) == {1, 2, 3, 4}
+    assert steps == sorted(steps) and set(steps) == {1, 2, 3}
     best = [each.best_duration for each in told if each.best_duration is not None]
     assert best == sorted(best, reverse=True) and told[0].best_duration is None
 
 
-@pytest.mark.dear("plans both tubes of the whole search again")
-def test_both_tubes_go_to_files_that_plan(run, monkeypatch, tmp_path, answered):
+@pytest.mark.dear("plans along the route and in the measured tube again")
+def test_route_and_measured_tube_go_to_files_that_plan(run, monkeypatch, tmp_path, answered):
     answer, _ = answered
     asked = answer_with(monkeypatch, answer)
     files = [tmp_path / "fast.yaml", tmp_path / "measured.yaml"]
+    motion = tmp_path / "t.json"
     words = ("route", GAP, "--edges", 400, "--samples", 200, "-o", files[0], "--measured", files[1])
-    status, out, _ = run(*words)
+    status, out, _ = run(*words, "--trajectory", motion)
     assert status == 0 and asked == [QUICK]
     assert "measured tube, in which nothing collides: " in out
-    # The answer is smooth; tubes are compared by their shortest motions.
+    # The answer is smooth; the measured tube has its shortest motion.
     cases = ((answer.answer, PlanOptions()), (answer.measured, SHORTEST))
     for path, (tube, options) in zip(files, cases, strict=True):
         assert str(path) in out
         assert plan(load_problem(path), options).duration == pytest.approx(tube.duration, rel=1e-6)
+    assert run("check", files[0], motion)[0] == 0
     report = json.loads(run(*words, "--json")[1])
     assert (report["status"], report["problem"]) == ("success", str(files[0]))
-    assert len(report["points"]) == len(report["radius"]) + 1
+    assert run("route", GAP, "-o", files[0])[0] == 0 and not asked[-1].measures
 
 
 def test_a_robot_without_geometry_needs_no_way_around():
     robot = {"urdf": "example:asr_twodof", "tool_frame": "Tip"}
     problem = cell(robot=robot, goal={"joints": [1.0, 0.9]})
-    assert stopped("step 4 of 4", TimeLimitReached(), problem).succeeded
+    answer = find_route(problem, QUICK)
+    assert answer.succeeded and answer.routes == answer.edges == 0
 
 
-def test_what_is_certified_is_the_answer_when_time_passes_or_it_is_interrupted(late):
-    interrupted = stopped("step 2 of 4, route 2 of 2", KeyboardInterrupt())
-    for answer, name, step in ((late, "time_limit", 4), (interrupted, "interrupt", 2)):
+def test_what_is_certified_is_the_answer_when_time_passes_or_it_is_interrupted(gap, late):
+    interrupted = stopped("step 2 of 3, route 2, refine", KeyboardInterrupt(), gap)
+    for answer, name, step in ((late, "time_limit", 3), (interrupted, "interrupt", 2)):
         assert answer.succeeded and answer.stopped_by == name
-        assert answer.answer.duration == pytest.approx(min(answer.compared), rel=0.02)
         assert answer.measured is None
         assert answer.as_dict()["stopped_by"] == name and answer.as_dict()["measured"] is None
         assert (
-            f"the search was stopped by {name.replace('_', ' ')} in step {step} of 4: there may be "
-            "a faster tube"
+            f"the search was stopped by {name.replace('_', ' ')} in step {step} of 3: there may be "
+            "a faster motion"
         ) in answer.notes
 
 
@@ -184,11 +188,11 @@ def test_a_file_for_a_measured_tube_that_is_not_there_is_told(run, monkeypatch, 
 
 
 def test_ended_before_anything_is_certified_there_is_none():
-    answer = stopped("step 2 of 4, route 1 of 2", TimeLimitReached())
+    answer = stopped("step 1 of 3", TimeLimitReached())
     assert answer.status == "time_limit" and answer.stopped_by == "time_limit"
     assert answer.answer is None
     with pytest.raises(KeyboardInterrupt):
-        stopped("step 1 of 4", KeyboardInterrupt())
+        stopped("step 1 of 3", KeyboardInterrupt())
 
 
 @pytest.mark.parametrize(

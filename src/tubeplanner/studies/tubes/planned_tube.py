@@ -162,8 +162,9 @@ class TubeAnswer:
         measured: The tube in which no collision was found, and its plan: `answer`, or a slower
             plan; None if no tube was measured.
         notes: Further information.
-        compared: Durations of the trajectories through tubes of the same radius, compared before
-            measuring [s]; None where there was no trajectory.
+        routes: Number of routes that were planned along.
+        edges: Number of straight edges between configurations that the search for routes tested.
+        first_answer_time: Wall time to the first certified motion [s]; None without one.
         search_time: Wall time from the loaded problem to the answer [s].
         stopped_by: "time_limit" or "interrupt" if that ended the search early; None otherwise.
         recorded_duration: Duration of the trail as recorded [s]; None without a trail file.
@@ -175,7 +176,9 @@ class TubeAnswer:
     answer: PlannedTube | None = None
     measured: PlannedTube | None = None
     notes: tuple[str, ...] = ()
-    compared: tuple[float | None, ...] = ()
+    routes: int = 0
+    edges: int = 0
+    first_answer_time: float | None = None
     search_time: float = 0.0
     stopped_by: StoppedBy | None = None
     recorded_duration: float | None = None
@@ -203,7 +206,10 @@ class TubeAnswer:
             "where": self.location.as_dict(),
             "notes": [*self.notes, *planned.get("notes", ())],
             "search_time": self.search_time,
-            "compared_durations": list(self.compared),
+            "compared_durations": [],  # of former versions, which compared tubes of one radius
+            "routes": self.routes,
+            "edges": self.edges,
+            "first_answer_time": self.first_answer_time,
             "stopped_by": self.stopped_by,
             "recorded_duration": self.recorded_duration,
             **_tube_fields(self.answer),
@@ -215,13 +221,17 @@ def answer_of(outcome: PlannedTube | Infeasible, **more: Any) -> TubeAnswer:
     """Return the answer of a search: of a planned tube or the reason of the failure."""
     if isinstance(outcome, Infeasible):
         return TubeAnswer(outcome.status, str(outcome), outcome.location, **more)
-    tube = outcome.problem.tube
-    message = f"tube of {len(tube.points)} reference points; {outcome.result.message}"
+    tube, what = outcome.problem.tube, "tube of {} reference points"
+    if tube.route is not None:
+        what = "route of {} configurations"
+    count = len(tube.points if tube.route is None else tube.route)
+    message = f"{what.format(count)}; {outcome.result.message}"
     return TubeAnswer(PlanStatus.SUCCESS, message, Location(), outcome, **more)
 
 
 def _tube_fields(planned: PlannedTube | None) -> dict[str, Any]:
-    if planned is None:
-        return {"points": None, "radius": None}
-    tube = planned.problem.tube
-    return {"points": tube.points.tolist(), "radius": tube.radius.tolist()}
+    tube = None if planned is None else planned.problem.tube
+    if tube is None or tube.route is not None:
+        route = None if tube is None or tube.route is None else tube.route.tolist()
+        return {"points": None, "radius": None, "route": route}
+    return {"points": tube.points.tolist(), "radius": tube.radius.tolist(), "route": None}

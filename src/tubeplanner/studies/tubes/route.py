@@ -1,5 +1,6 @@
-"""Find_route: a tube from start, goal and obstacles."""
+"""Find_route: the fastest motion from start, goal and obstacles alone, and its joint route."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
@@ -13,6 +14,7 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import configured_ends
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.joint_routes import FreeSpace, RouteSearch
+from tubeplanner.first_guess.pose_configurations import pose_configurations
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.outcome import (
@@ -25,35 +27,36 @@ from tubeplanner.outcome import (
     require_callback,
     until_stopped,
 )
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.planning.route_plans import RoutePlans
 from tubeplanner.studies.tubes.planned_tube import (
     PlannedTube,
     TubeAnswer,
     answer_of,
     followed,
-    in_tube,
     measure_options,
     measured_plan,
-    plan_under,
 )
-from tubeplanner.studies.tubes.routes import (
-    ToolCorners,
-    tool_corners,
-)
+from tubeplanner.studies.tubes.routes import tool_corners
 from tubeplanner.studies.tubes.segment_measurement import samples_of
+from tubeplanner.task.endpoints import GoalRegion
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- A tube from start, goal and obstacles alone: the question that Suh & Bishop 1988 left open.
+# ---- A motion from start, goal and obstacles alone: the question that Suh & Bishop 1988 left open.
 #
-# Routes are found at random; the tool's path along each becomes few reference points. The most
-# promising routes are planned in tubes of equal radius, and the fastest is the answer; a tube in
-# which nothing collides is measured around it.
+# The tool may be anywhere. Goal configurations come in the order of their lower bounds. First the
+# straight line to the best goal in joint space is refined; where that is not nearly as fast as its
+# bound, routes are searched for, and each is refined. The fastest motion is the answer. Its route
+# goes into a problem file, of which `plan` makes that motion.
 
-# Routes are compared by the trajectory through a tube of this radius [m].
-_RADIUS_TO_COMPARE = 0.05
-_MAX_COMPARED = 3
-_COMPARING_FRACTION = 0.6  # of a time limit, after which no more routes are compared
-_MAX_MEASURED = 2  # where the tube around the fastest route is blocked, the next is measured
-_STEPS = 4  # routes, their comparison, the plan, the measured tube
+_STEPS = 3  # the joint line, routes, the motion that is written and a measured tube
+# Routes to the only goal, and to each of several: of 9 problems whose motion was far above its
+# bound, the first 3 routes had the fastest motion in 6, the first 6 in 9.
+_MAX_ROUTES, _MAX_ROUTES_EACH = 6, 2
+# A tube is measured about a motion with so much room [m], else about as many routes.
+_ROOM, _MAX_MEASURED = (0.03, 0.01), 2
+# The search ends after this number of routes in a row that gain less than this fraction.
+_MAX_IN_VAIN, _GAIN = 3, 0.002
 
 
 @dataclass(frozen=True)
@@ -64,9 +67,10 @@ class RouteOptions:
         seed: Of all random numbers, >= 1; the same seed gives the same answer.
         edges: Number of straight edges between configurations that the search tests at most.
         band: Width by which joints may leave the route's ranges, before measuring [rad or m].
-        max_radius: Largest radius of a segment [m].
+        max_radius: Largest radius of a measured segment [m].
         samples: Number of configurations of a segment in the last counterexample search.
         time_limit: Wall time after which the search ends with the best it has [s]; None: never.
+        measures: Whether a tube in which nothing collides is measured around the motion.
     """
 
     seed: int = 1
@@ -75,6 +79,7 @@ class RouteOptions:
     max_radius: float = 0.2
     samples: int = 2_000
     time_limit: float | None = None
+    measures: bool = False
 
     def __post_init__(self) -> None:
         require_count(self, 1, "seed", "edges", "samples")
@@ -84,27 +89,18 @@ class RouteOptions:
             require_between(self, 0, None, "time_limit", unit="s")
 
 
-@dataclass(frozen=True, eq=False)
-class RouteCandidate:
-    """A route whose tool goes straight between few reference points."""
-
-    space: FreeSpace  # the free configurations
-    corners: ToolCorners  # reference points, and configurations between
-    joint_time: float  # least time of joints at their velocity limits, else 1 rad/s or 1 m/s [s]
-
-
 def find_route(
     problem: PlanningProblem,
     options: RouteOptions | None = None,
     progress: ProgressCallback | None = None,
 ) -> TubeAnswer:
-    """Find a tube from a problem's start to its goal, and plan the trajectory.
+    """Find the fastest motion from a problem's start to its goal, and a route for it.
 
     Args:
         problem: Start, goal and obstacles count. The tube does not, but for its last point, which
-            is the goal where the goal is left open.
-        options: How to find the tube.
-        progress: Called as each stage begins, with the duration of the best trajectory so far.
+            is the goal where the goal is left open, and a limit on the tool's speed.
+        options: How to find the route.
+        progress: Called as each stage begins, with the duration of the best motion so far.
 
     Raises:
         OptionError: An argument is of another kind.
@@ -116,228 +112,212 @@ def find_route(
     require_callback(progress)
     if problem.endpoints[0].kind == "seed":
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
-    # The tube that is found is one of many: the bound is that of all motions from start to goal.
-    bound = lower_bound(problem.with_tube(Tube.anywhere(*problem.tube.points[[0, -1]])))
+    finder = _RouteFinder(problem, options, progress)
     try:
-        problem, notes = configured_ends(problem)
-    except Infeasible as reason:
-        return answer_of(reason)
-    start = problem.endpoints[0].joints
-    assert start is not None
-    finder = _RouteFinder(problem, options, progress, notes)
-    try:
-        _, stopped_by = until_stopped(lambda: finder.search(start))
+        _, stopped_by = until_stopped(finder.search)
     except Infeasible as reason:
         return answer_of(reason, **finder.facts)
-    if finder.best is not None:
-        answer: PlannedTube | Infeasible = finder.best
-        if stopped_by is None:
-            answer = followed(finder.best, finder.clock)
-        else:
-            finder.notes.append(
-                f"the search was stopped by {stopped_by.replace('_', ' ')} in step {finder.step} "
-                f"of {_STEPS}: there may be a faster tube"
-            )
-        if isinstance(answer, PlannedTube):
-            answer = replace(answer, result=replace(answer.result, bound=bound))
-        return answer_of(answer, stopped_by=stopped_by, **finder.facts)
-    if stopped_by == "interrupt":
+    plans, clock = finder.plans, finder.clock
+    if plans.best is None and stopped_by == "interrupt":
         raise KeyboardInterrupt
-    late = finder.clock.past_limit
-    return TubeAnswer(
-        PlanStatus.TIME_LIMIT, late, Location(), stopped_by=stopped_by, **finder.facts
-    )
+    if plans.best is None and stopped_by is not None:
+        late, status = clock.past_limit, PlanStatus.TIME_LIMIT
+        return TubeAnswer(status, late, Location(), stopped_by=stopped_by, **finder.facts)
+    result = plans.result(stopped_by)
+    if plans.problem is None:
+        return TubeAnswer(result.status, result.message, result.location, **finder.facts)
+    answer: PlannedTube | Infeasible = PlannedTube(plans.problem, result)
+    if stopped_by is None:
+        answer = followed(PlannedTube(plans.problem, result), clock)
+    else:
+        finder.notes.append(
+            f"the search was stopped by {stopped_by.replace('_', ' ')} in step {finder.step} of "
+            f"{_STEPS}: there may be a faster motion"
+        )
+    if isinstance(answer, PlannedTube):  # the bound is that of all goal configurations
+        answer = replace(answer, result=replace(answer.result, bound=finder.bound))
+    return answer_of(answer, stopped_by=stopped_by, **finder.facts)
 
 
 class _RouteFinder:
-    """The steps from a problem to the tube of its fastest route.
+    """The steps from a problem to its fastest motion.
 
     Attributes:
+        bound: Lower bound on the duration of all motions from the start to the goal.
         clock: Of the whole search.
-        best: The fastest certified trajectory so far, and its tube.
+        plans: The motions along routes.
         measured: The measured tube, if any.
         step: Number of the current step, from 1.
         notes: On the search.
     """
 
     def __init__(
-        self,
-        problem: PlanningProblem,
-        options: RouteOptions,
-        progress: ProgressCallback | None,
-        notes: tuple[str, ...],
+        self, problem: PlanningProblem, options: RouteOptions, progress: ProgressCallback | None
     ) -> None:
         def announce(stage: Progress) -> None:
             assert progress is not None
-            best = None if self.best is None else self.best.duration
+            best = None if self.plans.best is None else self.plans.duration
             whole = f"step {self.step} of {_STEPS}, {stage.stage}"
             progress(replace(stage, stage=whole, best_duration=best))
 
-        self._problem, self._options = problem, options
+        self._options, self._problem = options, free_problem(problem)
+        self.bound = lower_bound(self._problem)
         self.clock = PlanningClock(options.time_limit, None if progress is None else announce)
-        self.best: PlannedTube | None = None
+        self.plans = RoutePlans(PlanOptions(slack=0.0), self.clock)
         self.measured: PlannedTube | None = None
-        self.step = 1
-        self._durations: list[float | None] = []
-        self.notes = list(notes)
+        self.step, self._routes, self._edges = 1, 0, 0
+        self.notes: list[str] = []
 
     @property
     def facts(self) -> dict[str, Any]:
-        """Fields of an answer beside its tube."""
+        """Fields of an answer beside its motion."""
         return {
             "measured": self.measured,
             "notes": tuple(self.notes),
-            "compared": tuple(self._durations),
+            "routes": self._routes,
+            "edges": self._edges,
+            "first_answer_time": self.plans.first_time,
             "search_time": self.clock.elapsed,
         }
 
-    def search(self, start: FloatArray) -> None:
-        """Find the fastest trajectory, then the measured tube.
+    def search(self) -> None:
+        """Find the fastest motion, and the measured tube if that is required.
 
         Raises:
-            Infeasible: There is no trajectory; the reason is that of the most promising route.
-            TimeLimitReached: Before the end.
-            KeyboardInterrupt: Before the end.
+            Infeasible: An end is not free or out of reach, or no route was found.
+            TimeLimitReached: Before the end; likewise KeyboardInterrupt.
         """
-        require_free(self._problem, "start", start)
+        pose = self._problem.endpoints[1].pose
+        begun = self._problem
+        if pose is not None:  # which configuration is the goal's is chosen below
+            begun = replace(begun, goal=GoalRegion(pose.position))
+        begun, notes = configured_ends(begun)
+        self.notes += notes
+        start = begun.endpoints[0].joints
+        assert start is not None
+        require_free(begun, "start", start)
+        self._problem = replace(self._problem, start=start)
         goals = goal_configurations(self._problem, start, self._options.seed)
-        routes = route_candidates(self._problem, start, goals, self._options, self.clock)
-        routes = routes[:_MAX_COMPARED]
+        self.plans.refine_line(self._to(goals[0], [start, goals[0]]))
         self.step = 2
-        fastest = self._fastest_first(routes)
-        if not fastest:
-            self.step = 4
-            self.best = self.measured = self._measured([(route, None) for route in routes])
-            return
-        self.step = 3
-        self.clock.enter("planning along the fastest route")
-        first = fastest[0][1].problem
-        self._offer(PlannedTube(first, plan_under(self.clock, first)))
-        self.step = 4
-        try:
-            self.measured = self._measured(
-                [(route, samples_of(planned.result)) for route, planned in fastest[:_MAX_MEASURED]]
-            )
-        except Infeasible as reason:
-            self.notes.append(
-                f"no tube could be measured in which nothing collides: {reason}; the trajectory "
-                "itself is certified"
-            )
-        else:
-            self._offer(self.measured)
-
-    def _fastest_first(
-        self, routes: list[RouteCandidate]
-    ) -> list[tuple[RouteCandidate, PlannedTube]]:
-        """Return the routes with a certified trajectory in equal tubes, by its duration."""
-        compared: list[tuple[RouteCandidate, PlannedTube]] = []
-        for k, route in enumerate(routes):
-            if compared and self.clock.used > _COMPARING_FRACTION:
+        if len(goals) > 1 and self.plans.best is None:
+            self._search_routes(start, goals, 1)
+        for k, goal in enumerate(goals):
+            if self.plans.are_enough(self._least(goal)):
                 break
-            problem = in_tube(self._problem, route.corners, self._options.band, _RADIUS_TO_COMPARE)
-            with self.clock.within(f"route {k + 1} of {len(routes)}"):
-                self.clock.enter("planning along it")
-                result = plan_under(self.clock, problem, "fast")
-            self._durations.append(result.duration)
-            if result.succeeded:
-                planned = PlannedTube(problem, result)
-                compared.append((route, planned))
-                self._offer(planned)
-        return sorted(compared, key=lambda each: each[1].duration)
+            if k:
+                self.plans.refine_line(self._to(goal, [start, goal]))
+            self._search_routes(start, goal[None], _MAX_ROUTES_EACH if k else _MAX_ROUTES)
+        self.step = 3
+        if self._options.measures and self.plans.best is not None:
+            self._measure()
 
-    def _measured(self, routes: list[tuple[RouteCandidate, FloatArray | None]]) -> PlannedTube:
-        """Return the measured tube of the first route that has the space and a trajectory.
-
-        With each route comes its fast trajectory (N, n), whose needs decide, or None.
+    def _search_routes(self, start: FloatArray, goals: FloatArray, count: int) -> None:
+        """Search for routes to any of some goals (G, n), and plan along each.
 
         Raises:
-            Infeasible: There is none; the reason is that of the first route.
+            Infeasible: Status no_trajectory: no route was found, and there is no motion yet.
         """
-        band = self._options.band
-        how = measure_options(self._options.max_radius, self._options.samples, self._options.seed)
-        reason = None
-        for k, (route, guide) in enumerate(routes):
-            parts = (self._problem, route.space, route.corners)
+        self.clock.enter("searching for a route")
+        search, in_vain = RouteSearch(self._problem, start, goals), 0
+        left = max(self._options.edges - self._edges, 1)
+        routes = search.routes(self._options.seed, left, lambda: self.clock.remaining <= 0)
+        for number, route in enumerate(islice(routes, count), 1):
+            self._routes += 1
+            before, problem = self.plans.duration, self._to(route[-1], route)
+            with self.clock.within(f"route {number}"):
+                if self.plans.best is None:
+                    self.plans.stop_at_corners(problem)
+                self.plans.refine(problem)
+            in_vain = in_vain + 1 if self.plans.duration > (1 - _GAIN) * before else 0
+            if self.plans.are_enough(self._least(route[-1])) or in_vain == _MAX_IN_VAIN:
+                break
+            self.clock.enter("searching for a route")
+        self._edges += search.edges
+        self.clock.check()
+        if self._routes == 0 and self.plans.best is None:
+            tool = self._problem.robot.tool_position(search.reached[None])[0]
+            x, y, z = tool
+            message = (
+                f"no route was found by {search.edges} edges; the last search brought the tool to "
+                f"[{x:.3f}, {y:.3f}, {z:.3f}] m: move what is in the way, choose another goal "
+                "configuration, or give it more edges"
+            )
+            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location().at(tool))
+
+    def _measure(self) -> None:
+        """Measure a tube about a motion with some room, else about a route, or note the reason."""
+        assert self.plans.problem is not None
+        problem, how = self.plans.problem, self._options
+        ends = np.array([end.joints for end in problem.endpoints])
+        space = FreeSpace(problem, 0.0, ends)
+        sizes = measure_options(how.max_radius, how.samples, how.seed)
+        reason: object = None
+        for path, guide in self._paths_with_room(problem, ends):
+            self.clock.enter("reference points along a path")
+            corners = tool_corners(space, path)
+            if corners is None:
+                reason = reason or "links collide where the tool goes straight between points"
+                continue
+            parts = problem, space, corners, how.band, sizes, self.clock
             try:
-                with self.clock.within(f"route {k + 1} of at most {len(routes)}"):
-                    return measured_plan(*parts, band, how, self.clock, guide)
+                self.measured = measured_plan(*parts, guide)
+                return
             except Infeasible as why:
                 reason = reason or why
-        assert reason is not None
-        raise reason
-
-    def _offer(self, planned: PlannedTube) -> None:
-        """Replace the best trajectory by a certified trajectory if that is faster."""
-        if not planned.result.succeeded:
-            return
-        if self.best is None or planned.duration < self.best.duration:
-            self.best = planned
-
-
-# ---- Routes from start to goal: each search finds another.
-
-_MAX_ROUTES = 6
-# Distances beyond the clearance at which optimisation alone looks for a trajectory [m].
-_MARGINS = (0.03, 0.01)
-_FRACTION_OF_TIME = 0.3  # of a time limit, after which no more routes are searched if there is one
-
-
-def route_candidates(
-    problem: PlanningProblem,
-    start: FloatArray,
-    goals: FloatArray,
-    options: RouteOptions,
-    clock: PlanningClock,
-) -> list[RouteCandidate]:
-    """Return routes from a start (n,) to any of free goals (G, n), the least joint time first.
-
-    Arm and obstacles of the problem count. A trajectory that optimisation alone finds counts as a
-    route too.
-
-    Raises:
-        Infeasible: Status no_trajectory: no route was found.
-        TimeLimitReached: The time limit passed before a route was found.
-    """
-    candidates: list[RouteCandidate] = []
-    search = RouteSearch(problem, start, goals)
-    space = FreeSpace(problem, 0.0, np.vstack([start, goals]))
-    clock.enter("searching for routes")
-    routes = search.routes(options.seed, options.edges, lambda: clock.remaining <= 0)
-    for route in islice(routes, _MAX_ROUTES):
-        candidates += _candidates(space, route)
-        if candidates and clock.used > _FRACTION_OF_TIME:
-            return sorted(candidates, key=lambda candidate: candidate.joint_time)
-    if not candidates:
-        clock.check()
-        tool = problem.robot.tool_position(search.reached[None])[0]
-        x, y, z = tool
-        message = (
-            f"no route was found by {search.edges} edges; the last search brought the tool to "
-            f"[{x:.3f}, {y:.3f}, {z:.3f}] m: move what is in the way, choose another goal "
-            "configuration, or give it more edges"
+        self.notes.append(
+            f"no tube could be measured in which nothing collides: {reason or 'there is no route'}"
+            "; the motion itself is certified"
         )
-        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location().at(tool))
-    for margin in _MARGINS:
-        clock.enter(f"a trajectory without a route, {1000 * margin:g} mm from obstacles")
-        wider = replace(problem.farther_apart(margin), goal=goals[0])
-        guide = _candidates(space, samples_of(plan_under(clock, wider, "fast")))
-        candidates += guide
-        if guide or clock.used > _FRACTION_OF_TIME:
-            break
-    return sorted(candidates, key=lambda candidate: candidate.joint_time)
+
+    def _paths_with_room(
+        self, problem: PlanningProblem, ends: FloatArray
+    ) -> Iterator[tuple[FloatArray, FloatArray | None]]:
+        """Yield paths (N, n), and those that are fast motions once more.
+
+        The fastest motion touches obstacles: motions and routes keep a distance from them.
+        """
+        search = RouteSearch(problem, ends[0], ends[1:])
+        routes = list(islice(search.routes(self._options.seed, self._options.edges), _MAX_MEASURED))
+        for margin in _ROOM:
+            plans = RoutePlans(PlanOptions(slack=0.0), self.clock)
+            for route in [ends, *routes]:
+                wider = free_problem(problem.farther_apart(margin), route)
+                (plans.refine_line if route is ends else plans.refine)(wider)
+                if plans.best is not None:
+                    motion = samples_of(plans.best)
+                    assert motion is not None
+                    yield motion, motion
+                    break
+        for route in routes:
+            yield route, None
+
+    def _to(self, goal: FloatArray, route: Sequence[FloatArray] | FloatArray) -> PlanningProblem:
+        return free_problem(replace(self._problem, goal=goal), np.array(route))
+
+    def _least(self, goal: FloatArray) -> float:
+        """Return the lower bound on motions to a goal (n,) [s]."""
+        return lower_bound(replace(self._problem, goal=goal)).duration
 
 
-def _candidates(space: FreeSpace, route: FloatArray | None) -> list[RouteCandidate]:
-    corners = None if route is None else tool_corners(space, route)
-    if corners is None:
-        return []
-    speed = space.robot.limits.velocity
-    speed = np.where(np.isfinite(speed), speed, 1.0)
-    steps = np.concatenate([abs(np.diff(q, axis=0)) / speed for q in corners.lines])
-    return [RouteCandidate(space, corners, joint_time=float(steps.max(axis=1).sum()))]
+def free_problem(problem: PlanningProblem, route: FloatArray | None = None) -> PlanningProblem:
+    """Return a problem with the tool free from start to goal, and a route (P, n).
+
+    A limit on the tool's speed stays if it is the same in all segments.
+    """
+    tube, ends = problem.tube, []
+    for point, end in zip((0, -1), problem.endpoints, strict=True):
+        position = tube.points[point] if end.position is None else end.position
+        ends.append(position)
+        if end.joints is not None:
+            ends[-1] = problem.robot.tool_position(end.joints[None])[0]
+    speeds = set() if tube.tool_speed is None else set(tube.tool_speed.tolist())
+    speed = speeds.pop() if len(speeds) == 1 else None
+    return problem.with_tube(Tube.anywhere(*ends, route=route, tool_speed=speed))
 
 
-# ---- Configurations in which the trajectory may end: the given one, or those of a tool position.
+# ---- Configurations in which the motion may end: the given one, or those of a tool position or a
+# pose of the tool.
 
 _DRAWS = 100
 _MAX_GOALS = 8
@@ -348,17 +328,45 @@ _AROUND = np.pi  # [rad or m] about the start: where configurations are drawn
 
 
 def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
-    """Return free configurations (G, n) for the goal, nearest to the start (n,) first.
+    """Return free configurations (G, n) for the goal, by the lower bound on motions to each.
 
-    Of the goal configuration, or where that is open of the tool position there, from random seeds.
+    Of the goal configuration, or where that is open of the tool's pose or position there, from many
+    seeds.
 
     Raises:
         Infeasible: No configuration is free (status tube_blocked), or the tool does not reach the
             goal (status unreachable).
     """
-    if (q := problem.endpoints[1].joints) is not None:
-        require_free(problem, "goal", q)
-        return q[None]
+    goal = problem.endpoints[1]
+    if goal.joints is not None:
+        require_free(problem, "goal", goal.joints)
+        return goal.joints[None]
+    if goal.pose is not None:
+        solutions = list(pose_configurations(problem, goal.pose, -1))
+    else:
+        solutions = _reaching(problem, start, seed)
+    free, blocked = [], None
+    by_bound = sorted(
+        (lower_bound(replace(problem, goal=q)).duration, float(abs(q - start).max()), k)
+        for k, q in enumerate(solutions)
+    )
+    for *_, k in by_bound:
+        try:
+            require_free(problem, "goal", solutions[k])
+            free.append(solutions[k])
+        except Infeasible as reason:
+            blocked = blocked or reason
+    if not free and blocked is not None:
+        raise blocked
+    return np.array(free[:_MAX_GOALS])
+
+
+def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:
+    """Return different configurations (n,) with the tool at a goal's position.
+
+    Raises:
+        Infeasible: Status unreachable: there is none.
+    """
     limits, goal = problem.robot.limits, problem.endpoints[1]
     target = problem.tube.points[-1] if goal.region is None else goal.region.position
     if goal.seed is not None:
@@ -384,13 +392,4 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
             f"{len(seeds)} starts; move the goal nearer"
         )
         raise Infeasible(PlanStatus.UNREACHABLE, message, Location().at(target))
-    free, blocked = [], None
-    for q in sorted(solutions, key=lambda q: float(abs(q - start).max())):
-        try:
-            require_free(problem, "goal", q)
-            free.append(q)
-        except Infeasible as reason:
-            blocked = blocked or reason
-    if not free and blocked is not None:
-        raise blocked
-    return np.array(free[:_MAX_GOALS])
+    return solutions
