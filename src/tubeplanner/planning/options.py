@@ -35,7 +35,7 @@ QUALITIES = {
     "fast": Quality(32, (_FEW,), (_FEW,), (_FINER,)),
     "balanced": Quality(96, ((18, (4,)),), ((8, (3, 3)),), (_FINER,)),
     # the knots of all qualities, so that none has a faster answer
-    "best": Quality(128, ((18, (4,)), _FINER, _FEW), ((8, (3, 3)), _FINER, _FEW), every_start=True),
+    "best": Quality(96, ((18, (4,)), _FINER, _FEW), ((8, (3, 3)), _FINER, _FEW), every_start=True),
 }
 
 
