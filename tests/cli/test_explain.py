@@ -20,8 +20,15 @@ ONE = ("--quality", "fast", "--time-limit", "1000")
 # A problem file's contract: what other tools read.
 READ = {"field", "from", "to", "unit", "certified", "duration", "text"}
 OF_PLAN = {
-    *("status", "message", "where", "proved", "starts_tried", "duration", "phase1_duration"),
-    *("planning_time", "certificate_time", "loading_time", "stopped_by", "certificate"),
+    *("status", "message", "where", "proved", "starts_tried", "duration", "bound"),
+    *(
+        "phase1_duration",
+        "planning_time",
+        "certificate_time",
+        "loading_time",
+        "stopped_by",
+        "certificate",
+    ),
 }
 PROBLEM = parse_problem(PLANAR)
 HERE = Location(segment=1)
