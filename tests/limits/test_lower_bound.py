@@ -7,6 +7,7 @@ import pytest
 from arms import rail_arm
 from cases import anywhere, changed, limited_tool, one_joint, pose_at, with_motors
 from gantry import gantry
+from lifting_arm import URDF as LIFTING
 from small_cycle import planned_cycle, small_cycle
 
 from tubeplanner import (
@@ -223,7 +224,7 @@ def test_ranges_of_segments_force_a_joint_on_and_back(
 
 
 def test_a_gantry_is_as_slow_as_its_mass_at_its_effort(tmp_path):
-    """3 kg along x, 1 kg across; gravity and friction brake too."""
+    """It has 3 kg along x, and 1 kg across."""
     limits = {"effort": {"along": 30.0, "across": 20.0}, "velocity": {"across": 1.0}}
     problem = load_problem(gantry(tmp_path), changes={"robot.limits": limits})
     problem = changed(problem, goal=np.array([0.5, 0.0]), self_collision=False)
@@ -231,6 +232,18 @@ def test_a_gantry_is_as_slow_as_its_mass_at_its_effort(tmp_path):
     assert (bound.reason, bound.joint) == ("effort of along", "along")
     assert bound.duration == pytest.approx(2 * np.sqrt(0.5 / 10.0))
     assert bound.duration <= result.duration < 1.01 * bound.duration
+
+
+def test_gravity_and_friction_help_a_lift_and_its_rotor_does_not(tmp_path):
+    """A lift of 1 kg whose rotor feels like 2 kg, its effort 20 N, its friction at most 3 N."""
+    (tmp_path / "lift.urdf").write_text(LIFTING)
+    robot = load_robot("lift.urdf", "hand", directory=tmp_path)
+    friction = {"backwards_friction": [0, 3], "forwards_friction": [0, 1]}
+    limits = {"velocity": [INF, INF], "effort": [1000, 20]}
+    robot = with_motors(robot, (), limits, 0.5, armature=[0, 2], **friction)
+    problem = changed(anywhere(robot), goal=np.array([0.0, 0.5]))
+    expected = 2 * np.sqrt(0.5 * (1 + 2) / (20 + 9.81 + 1.5 * 3))
+    assert lower_bound(problem).duration == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("seed", range(3))
