@@ -251,7 +251,15 @@ def solid_geometry(fields: dict[str, Any], folder: Any, folders: list[Any]) -> t
     if len(kinds) != 1:
         raise BadInput(f"'{fields['name']}' must be one of box, sphere, cylinder, capsule, mesh")
     sizes = fields[kinds[0]]
-    if kinds[0] == "mesh":
+    if isinstance(sizes, dict):
+        geometry = coal.BVHModelOBBRSS()
+        triangles = np.array(sizes["triangles"], dtype=np.int64).reshape(-1, 3)
+        corners = np.array(sizes["vertices"], dtype=float).reshape(-1, 3)
+        geometry.beginModel(len(triangles), len(corners))
+        for triangle in corners[triangles] * float(fields.get("scale", 1.0)):
+            geometry.addTriangle(*triangle)
+        geometry.endModel()
+    elif kinds[0] == "mesh":
         path = find_file(sizes, folder, folders)
         scale = np.full(3, float(fields.get("scale", 1.0)))
         geometry = coal.MeshLoader(coal.BV_OBBRSS).load(str(path), scale)

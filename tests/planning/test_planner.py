@@ -78,12 +78,16 @@ def test_nor_do_all_of_them_together(planned):
 
 
 def test_a_problem_with_every_field_is_planned():
-    """The sample has every field of the format, whether at its default or not."""
+    """The sample has every field of the format, whether at its default or not.
+
+    But for point clouds, which are large files.
+    """
     fields = bundled_fields("ur5/every_field")
     obstacles = {key for obstacle in fields["obstacles"] for key in obstacle}
     given = (fields, fields["robot"], fields["tube"], obstacles)
     models = (ProblemFields, RobotFields, TubeFields, ObstacleFields)
-    assert list(map(set, given)) == [set(model.model_fields) for model in models]
+    expected = [set(model.model_fields) - {"points", "size"} for model in models]
+    assert [set(names) - {"points", "size"} for names in given] == expected
     assert plan(load_problem("example:ur5/every_field"), PlanOptions(quality="fast")).succeeded
 
 
