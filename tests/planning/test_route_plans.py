@@ -124,3 +124,32 @@ def test_the_tool_keeps_a_speed_limit_beside_a_route(gap, planned):
     assert result.duration > planned.duration
     tool = gap.robot.tool_position(result.trajectory.position(np.linspace(0, result.duration, 999)))
     assert np.linalg.norm(np.diff(tool, axis=0), axis=1).max() <= 0.501 * result.duration / 998
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("sweep FILE --radius 0.1", "does not go with a sweep over radii; give points and radii"),
+        ("measure FILE", "does not go with measuring, which gives radii"),
+        ("explain FILE", "has no points and radii, which are what explain changes"),
+        ("place FILE --region=0,1,0,1 --stands-on none", "is for one base pose"),
+    ],
+)
+def test_commands_that_change_radii_or_points_refuse_a_route(run, tmp_path, words, said):
+    path = tmp_path / "route.json"
+    fields = bundled_fields("two_link/through_the_gap")
+    path.write_text(json.dumps({**fields, "tube": {"route": [[-0.3, 0.6], [1.5, 0.6]]}}))
+    status, _, err = run(*words.replace("FILE", str(path)).split())
+    assert status == 2
+    assert "tube.route" in err and said in err
+
+
+def test_a_route_is_named_by_info_and_view(run, tmp_path, gap):
+    path = tmp_path / "route.json"
+    path.write_bytes(with_problem(bundled_fields("two_link/through_the_gap"), FOLDER, path, gap))
+    out = run("info", path)[1]
+    assert f"route of {len(gap.tube.route)} configurations; the tool may be anywhere" in out
+    assert (
+        "note: there is no tube: the tool may be anywhere\n"
+        in run("view", path, "--html", tmp_path / "page.html")[1]
+    )

@@ -329,7 +329,11 @@ def _task_lines(problem: PlanningProblem) -> list[str]:
     lines.append(
         "goal: open" if problem.goal is None else end_line(problem, "goal", problem.endpoints[1])
     )
-    lines.append(_segment_table(problem))
+    route = problem.tube.route
+    if route is None:
+        lines.append(_segment_table(problem))
+    else:
+        lines.append(f"route of {len(route)} configurations; the tool may be anywhere")
     lines += [f"obstacle {bare(solid)}" for solid in problem.obstacles] or ["no obstacles"]
     lines += [f"attached {bare(solid)}" for solid in problem.attached]
     if problem.clearance:

@@ -70,10 +70,9 @@ def _shown(
     names, notes, verdicts = names_of_files(paths), list[str](), list[str]()
     motions, judged = dict[str, Motion](), list[Certificate | CycleCertificate]()
     if not isinstance(loaded, Cycle) and loaded.tube.is_anywhere:
-        notes = [
-            "there is no tube: the tool may be anywhere; `tubeplanner route` finds one from start, "
-            "goal and obstacles"
-        ]
+        notes = ["there is no tube: the tool may be anywhere"]
+        if loaded.tube.route is None:
+            notes[0] += "; `tubeplanner route` finds a motion from start, goal and obstacles"
     for k, (path, name, file) in enumerate(zip(paths, names, files, strict=True)):
         enter(f"certificate {k + 1} of {len(files)}")
         motions[name], certificate, messages = motion_notes(loaded, path, name, file)

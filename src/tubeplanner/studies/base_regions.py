@@ -217,6 +217,10 @@ class MovableProblem:
         """
         require_problem(spec.document, spec.name)
         fields = check_fields(ProblemFields, spec.document, spec.name)
+        if fields.tube is not None and fields.tube.route is not None:
+            raise ProblemError(
+                f"{spec.name}: tube.route is for one base pose; give points and radii of a tube"
+            )
         robot = robot_of(fields, spec.folder)
         seeds = {}
         for end in _ENDS:

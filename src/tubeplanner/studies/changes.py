@@ -170,6 +170,11 @@ class Question:
                 f"{spec.name}: tube is required; `tubeplanner route` finds one from start, goal "
                 "and obstacles"
             )
+        if fields.tube.route is not None:
+            raise ProblemError(
+                f"{spec.name}: tube.route has no points and radii, which are what explain changes; "
+                "`plan` names what is in the way"
+            )
         return cls(spec, fields, robot_of(fields, spec.folder))
 
     @cached_property

@@ -228,14 +228,19 @@ class Tube:
             ProblemError: A radius or a side is too small or too large.
         """
         if self.cross_section is None:
-            return self.with_radius(factor * self.radius)
+            return self.with_radius(factor * self.radius)  # which refuses a route
         sections = self.cross_section * [factor, factor, 1.0, 1.0, 1.0]
         is_box = sections[:, 0] > 0
         radii = np.where(is_box, sections[:, :2].min(axis=1) / 2, factor * self.radius)
         return replace(self, radius=radii, cross_section=sections)
 
     def require_discs(self, what: str, remedy: str) -> None:
-        """Raise ProblemError, with the request and a remedy, if a segment has a box."""
+        """Raise ProblemError, with the request, if a segment has a box or the tube has a route."""
+        if self.route is not None:
+            raise ProblemError(
+                f"tube.route leaves the tool free and does not go with {what}; give points and "
+                "radii, or the tube of `tubeplanner route --measured`"
+            )
         for k in np.flatnonzero(self.is_box)[:1]:
             raise ProblemError(
                 f"tube.cross_section: segment {self.segment_number(int(k))} has a box, which does "
