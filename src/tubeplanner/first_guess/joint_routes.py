@@ -199,7 +199,7 @@ class FreeSpace:
             touching = (groups.pair >= 0) & (clearances <= _SAME)[groups.pair]
             rows = np.flatnonzero(touching)
             directions[rows] = groups.separations(*self._poses(q), groups.rows[rows])[1]
-        table = robot._joint_table
+        table = robot.joint_table
         sizes = len(table), robot.joint_count, len(required), len(groups.members) - 1
         return (
             ctypes.addressof(groups.native), table, *sizes, groups.rows, groups.members, required,

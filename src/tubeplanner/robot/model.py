@@ -335,7 +335,7 @@ class RobotModel:
             reals = [np.ascontiguousarray(part) for part in (rotation, position, point)]
             carrier = np.ascontiguousarray(body, dtype=np.int64)
             jacobian = np.empty((len(point), 3, self.joint_count))
-            table, sizes = self._joint_table, (self.joint_count, len(point))
+            table, sizes = self.joint_table, (self.joint_count, len(point))
             _point_jacobians(table, len(table), *reals[:2], carrier, reals[2], *sizes, jacobian)
             return jacobian
         axis = np.einsum("njab,jb->nja", rotation[:, 1:], self.chain.axes)
@@ -529,7 +529,8 @@ class RobotModel:
         return ToolChain(*arm, self.chain, self.carries, self._tool_id)
 
     @cached_property
-    def _joint_table(self) -> FloatArray:
+    def joint_table(self) -> FloatArray:
+        """Joint table (M, 41) of all joints, as the native functions take it."""
         joints = self._joints
         return self.chain.joint_table(joints.planned, joints.multiplier, joints.offset)
 
