@@ -223,6 +223,23 @@ def test_what_a_scene_cannot_mean_is_refused_by_name(folder, arm, content, messa
     assert message in refusal(ProblemError, solids, folder, arm, content)
 
 
+@pytest.mark.parametrize(
+    ("item", "message"),
+    [
+        (5, "obstacles[0] is 5; it must be a map with name, box"),
+        ({"moveit_scene": 5}, "obstacles[0].moveit_scene is 5; it must be text"),
+        ({"moveit_scene": "a", "name": "b"}, "unknown key 'name'; there is: moveit_scene"),
+        ({"moveit_scene": "none.yaml"}, "obstacles: moveit_scene: "),
+        ({"name": "a", "mesh": 7}, "mesh is 7; it must be a file, or a map with vertices"),
+        ({"name": "a", "mesh": {"vertices": []}}, "obstacles[0].mesh.triangles is required"),
+    ],
+)
+def test_an_item_that_is_neither_a_solid_nor_a_scene_is_refused_by_name(tmp_path, item, message):
+    assert message in refusal(
+        ProblemError, parse_problem, PROBLEM | {"obstacles": [item]}, tmp_path
+    )
+
+
 def test_an_object_on_a_link_before_the_tool_is_not_carried(folder, arm):
     own = of_object()["world"]["collision_objects"][0]
     state = {"attached_collision_objects": [{"link_name": "link1", "object": own}]}

@@ -242,6 +242,15 @@ class TriangleFields(Section):
     )
 
 
+_Mesh: TypeAlias = Annotated[
+    TriangleFields | str,
+    one_of(
+        lambda value: isinstance(value, str | dict | TriangleFields),
+        "a file, or a map with vertices, triangles",
+    ),
+]
+
+
 class ShapeFields(Section):
     """A solid without a name; exactly one of box, sphere, cylinder, capsule, mesh, points."""
 
@@ -251,7 +260,7 @@ class ShapeFields(Section):
     capsule: tuple[Finite, Finite] | None = Field(
         None, description="radius, length between the centres of its caps [m]"
     )
-    mesh: str | TriangleFields | None = Field(
+    mesh: _Mesh | None = Field(
         None, description="file, relative to this one, or vertices and triangles"
     )
     points: str | None = Field(
@@ -286,8 +295,8 @@ class SceneFields(Section):
 
 
 def _obstacle_kind(fields: Any) -> str:
-    keys = fields if isinstance(fields, dict) else vars(fields) if fields is not None else {}
-    return "SceneFields" if "moveit_scene" in keys else "ObstacleFields"
+    is_scene = isinstance(fields, dict) and "moveit_scene" in fields
+    return "SceneFields" if is_scene or isinstance(fields, SceneFields) else "ObstacleFields"
 
 
 ObstacleItem: TypeAlias = Annotated[

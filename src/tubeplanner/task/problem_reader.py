@@ -366,8 +366,8 @@ def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict
         if isinstance(each, ObstacleFields):
             obstacles.append(obstacle_of(each, directory, folders))
             continue
-        path = directory / each.moveit_scene
-        solids = solids_of_scene(path, robot)
+        with faults_of("obstacles: moveit_scene", ProblemError):
+            solids = solids_of_scene(directory / each.moveit_scene, robot)
         obstacles += [obstacle_of(own, directory) for own in solids.obstacles]
         attached += [attached_of(own, directory) for own in solids.attached]
         pairs += solids.allowed_pairs
