@@ -30,17 +30,19 @@ from tubeplanner.studies.tubes.starter_problem import StarterProblem
 from tubeplanner.studies.tubes.teach import joint_trail
 from tubeplanner.task.info import problem_doubts
 from tubeplanner.task.moveit_files import (
-    Message,
-    frames_of,
     goal_of_request,
-    is_request,
-    is_scene,
-    notes_on_unread,
-    read_message,
     scale_of_request,
     scene_solids,
     solids_of_state,
     state_joints,
+)
+from tubeplanner.task.moveit_messages import (
+    Message,
+    frames_of,
+    is_request,
+    is_scene,
+    notes_on_unread,
+    read_message,
 )
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import PROBLEM_FORMAT, ProblemFields
