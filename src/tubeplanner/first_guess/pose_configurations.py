@@ -121,11 +121,21 @@ def is_held(problem: PlanningProblem, q: FloatArray) -> bool:
 
 
 def reaching(
-    robot: RobotModel, pose: ToolPose, seeds: FloatArray, lower: FloatArray, upper: FloatArray
+    robot: RobotModel,
+    pose: ToolPose,
+    seeds: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    preferred: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the distinct configurations (c, n) of a pose within bounds, from seeds (s, n)."""
+    """Return the distinct configurations (c, n) of a pose within bounds, from seeds (s, n).
+
+    Redundant joints come near preferred configurations (n,) or (s, n), of several seeds the
+    middle of the bounds by default.
+    """
     rotation = WantedRotation(pose.rotation)
-    preferred = middle_of(lower, upper) if len(seeds) > 1 else None
+    if preferred is None and len(seeds) > 1:
+        preferred = middle_of(lower, upper)
     q, errors = solve_positions(robot, pose.position, seeds, lower, upper, preferred, rotation)
     distinct: list[FloatArray] = []
     for candidate in q[errors.max(axis=1) <= _REACHED]:

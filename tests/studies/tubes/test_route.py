@@ -12,6 +12,7 @@ from tubeplanner import PlanOptions, RouteOptions, find_route, load_problem, par
 from tubeplanner.errors import OptionError
 from tubeplanner.first_guess.joint_routes import FreeSpace, RouteSearch
 from tubeplanner.limits.lower_bound import lower_bound
+from tubeplanner.orientation import quaternion_of_matrix
 from tubeplanner.outcome import TimeLimitReached
 from tubeplanner.studies.tubes.route import goal_configurations
 from tubeplanner.studies.tubes.routes import reference_tube, tool_corners
@@ -238,3 +239,21 @@ def test_a_start_in_collision_is_an_answer_with_its_place(run, tmp_path):
 def test_bad_input_ends_with_status_2(run):
     status, _, err = run("route", GAP, "--edges", 0)
     assert status == 2 and "edges is 0; it must be >= 1" in err
+
+
+def test_of_the_configurations_of_a_pose_the_one_with_the_least_bound_comes_first():
+    joints = [1.5, -0.5]
+    near = cell(goal={"joints": joints})
+    rotation, position = near.robot.tool_pose(near.goal[None])
+    pose = {
+        "position": position[0].tolist(),
+        "quaternion": quaternion_of_matrix(rotation)[0].tolist(),
+    }
+    problem = cell(goal={"pose": pose})
+    goals = goal_configurations(problem, problem.start, seed=1)
+    least = [lower_bound(replace(problem, goal=q)).duration for q in goals]
+    assert least == sorted(least)
+    answer = find_route(problem, QUICK)
+    assert answer.succeeded
+    np.testing.assert_allclose(answer.answer.problem.goal, joints, atol=1e-6)
+    assert answer.answer.result.bound.duration <= least[0]

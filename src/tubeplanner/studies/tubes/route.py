@@ -14,7 +14,7 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import configured_ends
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.joint_routes import FreeSpace, RouteSearch
-from tubeplanner.first_guess.pose_configurations import pose_configurations
+from tubeplanner.first_guess.pose_configurations import pose_configurations, reaching
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.outcome import (
@@ -52,7 +52,7 @@ from tubeplanner.task.problem import PlanningProblem
 _STEPS = 3  # the joint line, routes, the motion that is written and a measured tube
 # Routes to the only goal, and to each of several: of 9 problems whose motion was far above its
 # bound, the first 3 routes had the fastest motion in 6, the first 6 in 9.
-_MAX_ROUTES, _MAX_ROUTES_EACH = 6, 2
+_MAX_ROUTES, _MAX_ROUTES_EACH, _MAX_ROUTES_IN_ALL = 6, 2, 8
 # A tube is measured about a motion with so much room [m], else about as many routes.
 _ROOM, _MAX_MEASURED = (0.03, 0.01), 2
 # The search ends after this number of routes in a row that gain less than this fraction.
@@ -203,7 +203,8 @@ class _RouteFinder:
         if len(goals) > 1 and self.plans.best is None:
             self._search_routes(start, goals, 1)
         for k, goal in enumerate(goals):
-            if self.plans.are_enough(self._least(goal)):
+            is_last = self._routes >= _MAX_ROUTES_IN_ALL and self.plans.best is not None
+            if is_last or self.plans.are_enough(self._least(goal)):
                 break
             if k:
                 self.plans.refine_line(self._to(goal, [start, goal]))
@@ -343,22 +344,28 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
         return goal.joints[None]
     if goal.pose is not None:
         solutions = list(pose_configurations(problem, goal.pose, -1))
+        if goal.pose.seed is None:
+            seeds = _drawn(problem, start, seed)
+            others = reaching(problem.robot, goal.pose, seeds, *_range(problem), seeds)
+            solutions += [q for q in others if _is_new(q, solutions)]
     else:
         solutions = _reaching(problem, start, seed)
-    free, blocked = [], None
+    free: list[FloatArray] = []
+    blocked = None
     by_bound = sorted(
         (lower_bound(replace(problem, goal=q)).duration, float(abs(q - start).max()), k)
         for k, q in enumerate(solutions)
     )
     for *_, k in by_bound:
         try:
-            require_free(problem, "goal", solutions[k])
-            free.append(solutions[k])
+            if len(free) < _MAX_GOALS:
+                require_free(problem, "goal", solutions[k])
+                free.append(solutions[k])
         except Infeasible as reason:
             blocked = blocked or reason
     if not free and blocked is not None:
         raise blocked
-    return np.array(free[:_MAX_GOALS])
+    return np.array(free)
 
 
 def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:
@@ -367,24 +374,15 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
     Raises:
         Infeasible: Status unreachable: there is none.
     """
-    limits, goal = problem.robot.limits, problem.endpoints[1]
+    goal = problem.endpoints[1]
     target = problem.tube.points[-1] if goal.region is None else goal.region.position
-    if goal.seed is not None:
-        seeds = goal.seed[None]
-    else:
-        low = np.maximum(limits.lower_position, start - _AROUND)
-        high = np.minimum(limits.upper_position, start + _AROUND)
-        drawn = np.random.default_rng(seed).uniform(low, high, (_DRAWS, len(start)))
-        seeds = np.vstack([start, drawn])
+    seeds = _drawn(problem, start, seed) if goal.seed is None else goal.seed[None]
     solutions: list[FloatArray] = []
     least = np.inf
     for near in seeds:
-        solution = solve_position(
-            problem.robot, target, near, limits.lower_position, limits.upper_position
-        )
+        solution = solve_position(problem.robot, target, near, *_range(problem))
         least = min(least, solution.error)
-        is_new = all(abs(solution.q - other).max() > _SAME for other in solutions)
-        if solution.error <= _REACHED and is_new:
+        if solution.error <= _REACHED and _is_new(solution.q, solutions):
             solutions.append(np.round(solution.q, _DECIMALS))
     if not solutions:
         message = (
@@ -393,3 +391,19 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
         )
         raise Infeasible(PlanStatus.UNREACHABLE, message, Location().at(target))
     return solutions
+
+
+def _range(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
+    return problem.robot.limits.lower_position, problem.robot.limits.upper_position
+
+
+def _drawn(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
+    """Return the start (n,) and random configurations about it."""
+    lower, upper = _range(problem)
+    low, high = np.maximum(lower, start - _AROUND), np.minimum(upper, start + _AROUND)
+    drawn = np.random.default_rng(seed).uniform(low, high, (_DRAWS, len(start)))
+    return np.vstack([start, drawn])
+
+
+def _is_new(q: FloatArray, others: Sequence[FloatArray]) -> bool:
+    return all(abs(q - other).max() > _SAME for other in others)
