@@ -26,7 +26,7 @@ from tubeplanner.planning.options import (
 )
 from tubeplanner.planning.refined_plan import RefinedPlans, continued_plan, narrowed_plan
 from tubeplanner.planning.result import PlanResult, refused_result, stopped_result
-from tubeplanner.planning.route_plans import route_plan
+from tubeplanner.planning.route_plans import is_free, route_plan
 from tubeplanner.planning.waypoint_plans import (
     StoppingPlan,
     resting_plan,
@@ -280,7 +280,7 @@ UNION_ATTEMPTS = (
 )
 
 
-# Along a joint route, the tool anywhere.
+# The tool may be anywhere: along a joint route, or along routes of a search.
 ROUTE_ATTEMPTS = (
     Attempt(_necessary_conditions, METHODS),
     Attempt(_rest, METHODS),
@@ -301,7 +301,8 @@ def attempted_plan(
     """
     state, result = _Planning(problem, last, options, clock), None
     table: tuple[Attempt, ...] = UNION_ATTEMPTS if state.is_union else ATTEMPTS
-    table = table if problem.tube.route is None else ROUTE_ATTEMPTS
+    if problem.tube.route is not None or (options.method == REFINEMENT and is_free(problem)):
+        table = ROUTE_ATTEMPTS
     attempts = (each for each in table if options.method in each.methods and each.applies(state))
     try:
         while result is None:

@@ -28,7 +28,7 @@ from tubeplanner.outcome import (
     until_stopped,
 )
 from tubeplanner.planning.options import PlanOptions
-from tubeplanner.planning.route_plans import RoutePlans
+from tubeplanner.planning.route_plans import EDGES, MAX_ROUTES, SEED, RoutePlans, with_route
 from tubeplanner.studies.tubes.planned_tube import (
     PlannedTube,
     TubeAnswer,
@@ -50,13 +50,10 @@ from tubeplanner.task.problem import PlanningProblem
 # goes into a problem file, of which `plan` makes that motion.
 
 _STEPS = 3  # the joint line, routes, the motion that is written and a measured tube
-# Routes to the only goal, and to each of several: of 9 problems whose motion was far above its
-# bound, the first 3 routes had the fastest motion in 6, the first 6 in 9.
-_MAX_ROUTES, _MAX_ROUTES_EACH, _MAX_ROUTES_IN_ALL = 6, 2, 8
+# Routes to each of several goals but the first, and in all.
+_MAX_ROUTES_EACH, _MAX_ROUTES_IN_ALL = 2, 8
 # A tube is measured about a motion with so much room [m], else about as many routes.
 _ROOM, _MAX_MEASURED = (0.03, 0.01), 2
-# The search ends after this number of routes in a row that gain less than this fraction.
-_MAX_IN_VAIN, _GAIN = 3, 0.002
 
 
 @dataclass(frozen=True)
@@ -73,8 +70,8 @@ class RouteOptions:
         measures: Whether a tube in which nothing collides is measured around the motion.
     """
 
-    seed: int = 1
-    edges: int = 300_000
+    seed: int = SEED
+    edges: int = EDGES
     band: float = 0.4
     max_radius: float = 0.2
     samples: int = 2_000
@@ -165,7 +162,7 @@ class _RouteFinder:
         self.clock = PlanningClock(options.time_limit, None if progress is None else announce)
         self.plans = RoutePlans(PlanOptions(slack=0.0), self.clock)
         self.measured: PlannedTube | None = None
-        self.step, self._routes, self._edges = 1, 0, 0
+        self.step = 1
         self.notes: list[str] = []
 
     @property
@@ -174,8 +171,8 @@ class _RouteFinder:
         return {
             "measured": self.measured,
             "notes": tuple(self.notes),
-            "routes": self._routes,
-            "edges": self._edges,
+            "routes": self.plans.routes,
+            "edges": self.plans.edges,
             "first_answer_time": self.plans.first_time,
             "search_time": self.clock.elapsed,
         }
@@ -198,53 +195,21 @@ class _RouteFinder:
         require_free(begun, "start", start)
         self._problem = replace(self._problem, start=start)
         goals = goal_configurations(self._problem, start, self._options.seed)
-        self.plans.refine_line(self._to(goals[0], [start, goals[0]]))
+        self.plans.refine_line(with_route(self._problem, np.array([start, goals[0]])))
         self.step = 2
         if len(goals) > 1 and self.plans.best is None:
-            self._search_routes(start, goals, 1)
+            self._search(goals, 1)
         for k, goal in enumerate(goals):
-            is_last = self._routes >= _MAX_ROUTES_IN_ALL and self.plans.best is not None
-            if is_last or self.plans.are_enough(self._least(goal)):
+            is_last = self.plans.routes >= _MAX_ROUTES_IN_ALL and self.plans.best is not None
+            least = lower_bound(replace(self._problem, goal=goal)).duration
+            if is_last or self.plans.are_enough(least):
                 break
             if k:
-                self.plans.refine_line(self._to(goal, [start, goal]))
-            self._search_routes(start, goal[None], _MAX_ROUTES_EACH if k else _MAX_ROUTES)
+                self.plans.refine_line(with_route(self._problem, np.array([start, goal])))
+            self._search(goal[None], _MAX_ROUTES_EACH if k else MAX_ROUTES)
         self.step = 3
         if self._options.measures and self.plans.best is not None:
             self._measure()
-
-    def _search_routes(self, start: FloatArray, goals: FloatArray, count: int) -> None:
-        """Search for routes to any of some goals (G, n), and plan along each.
-
-        Raises:
-            Infeasible: Status no_trajectory: no route was found, and there is no motion yet.
-        """
-        self.clock.enter("searching for a route")
-        search, in_vain = RouteSearch(self._problem, start, goals), 0
-        left = max(self._options.edges - self._edges, 1)
-        routes = search.routes(self._options.seed, left, lambda: self.clock.remaining <= 0)
-        for number, route in enumerate(islice(routes, count), 1):
-            self._routes += 1
-            before, problem = self.plans.duration, self._to(route[-1], route)
-            with self.clock.within(f"route {number}"):
-                if self.plans.best is None:
-                    self.plans.stop_at_corners(problem)
-                self.plans.refine(problem)
-            in_vain = in_vain + 1 if self.plans.duration > (1 - _GAIN) * before else 0
-            if self.plans.are_enough(self._least(route[-1])) or in_vain == _MAX_IN_VAIN:
-                break
-            self.clock.enter("searching for a route")
-        self._edges += search.edges
-        self.clock.check()
-        if self._routes == 0 and self.plans.best is None:
-            tool = self._problem.robot.tool_position(search.reached[None])[0]
-            x, y, z = tool
-            message = (
-                f"no route was found by {search.edges} edges; the last search brought the tool to "
-                f"[{x:.3f}, {y:.3f}, {z:.3f}] m: move what is in the way, choose another goal "
-                "configuration, or give it more edges"
-            )
-            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location().at(tool))
 
     def _measure(self) -> None:
         """Measure a tube about a motion with some room, else about a route, or note the reason."""
@@ -293,12 +258,9 @@ class _RouteFinder:
         for route in routes:
             yield route, None
 
-    def _to(self, goal: FloatArray, route: Sequence[FloatArray] | FloatArray) -> PlanningProblem:
-        return free_problem(replace(self._problem, goal=goal), np.array(route))
-
-    def _least(self, goal: FloatArray) -> float:
-        """Return the lower bound on motions to a goal (n,) [s]."""
-        return lower_bound(replace(self._problem, goal=goal)).duration
+    def _search(self, goals: FloatArray, count: int) -> None:
+        options = self._options
+        self.plans.search(self._problem, goals, count, seed=options.seed, edges=options.edges)
 
 
 def free_problem(problem: PlanningProblem, route: FloatArray | None = None) -> PlanningProblem:
