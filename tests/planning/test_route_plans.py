@@ -9,7 +9,15 @@ import pytest
 from cases import SHORTEST
 from placed_problem import bundled_fields
 
-from tubeplanner import Planner, PlanOptions, load_problem, parse_problem, plan
+from tubeplanner import (
+    Planner,
+    PlanOptions,
+    load_problem,
+    parse_cycle,
+    parse_problem,
+    plan,
+    plan_cycle,
+)
 from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.first_guess.joint_routes import RouteSearch
 from tubeplanner.outcome import PlanningClock, TimeLimitReached
@@ -153,3 +161,53 @@ def test_a_route_is_named_by_info_and_view(run, tmp_path, gap):
         "note: there is no tube: the tool may be anywhere\n"
         in run("view", path, "--html", tmp_path / "page.html")[1]
     )
+
+
+def cycle_of(*moves, **header):
+    """Return a cycle in the cell of the gap, from its start."""
+    fields = bundled_fields("two_link/through_the_gap")
+    cell = {key: fields[key] for key in ("robot", "start", "obstacles")}
+    return parse_cycle({"format": "tubeplanner/cycle", **cell, "moves": moves, **header}, FOLDER)
+
+
+THERE = {"to": "there", "goal": {"joints": [1.5, 0.6]}}
+BACK = {"to": "back", "goal": {"joints": [-0.3, 0.6]}}
+
+
+def test_moves_of_a_cycle_may_have_no_tube(gap, planned, run, tmp_path):
+    attach = {"attach": "part", "payload": {"mass": 0.2}}
+    result = plan_cycle(cycle_of(THERE, attach, BACK), SHORTEST)
+    assert result.succeeded
+    first, second = result.legs
+    assert first.duration == pytest.approx(planned.duration, rel=0.01)
+    assert second.duration > first.duration  # with the part
+    for plan_of_leg, end in zip(result.legs, (gap.goal, gap.start), strict=True):
+        np.testing.assert_allclose(plan_of_leg.end, end, atol=1e-9)
+    path = tmp_path / "cycle.json"
+    fields = bundled_fields("two_link/through_the_gap")
+    fields |= {"format": "tubeplanner/cycle", "moves": [THERE]}
+    del fields["goal"]
+    path.write_text(json.dumps(fields))
+    pictures = ("--plot", tmp_path / "c.png", "--html", tmp_path / "c.html")
+    assert run("plan", path, "--quality", "fast", *pictures)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("moves", "said"),
+    [
+        ([{"to": "there"}], r"moves\[0\]\.goal is required"),
+        ([{**THERE, "goal": {"position": [0, 0.5, 0]}}], "goal takes joints, pose, group_state or"),
+        ([{**THERE, "tube": {}}], "unknown key 'tube'"),
+        ([THERE, {**BACK, "to": "there"}], "there"),
+    ],
+)
+def test_a_move_without_a_tube_needs_joints_at_its_end(moves, said):
+    with pytest.raises(ProblemError, match=said):
+        cycle_of(*moves)
+
+
+def test_a_search_finds_the_routes_where_the_line_leads_nowhere(planned, monkeypatch):
+    monkeypatch.setattr(RoutePlans, "refine_line", lambda *_: None)
+    result = plan(free(), SHORTEST)
+    assert result.succeeded
+    assert result.duration < 1.05 * planned.duration

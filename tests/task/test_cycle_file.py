@@ -35,7 +35,7 @@ SCHEMA = cycle_schema()
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 SAMPLE = Path(__file__).parents[1] / "data/cases" / "every_cycle_field.yaml"
 MOVE = "name, tube, goal, limits, clearance, contacts, objective, collision, pass_through"
-KIND = r"it must be a map with name \(of a move\), event, attach or detach"
+KIND = r"it must be a map with name \(of a move\), to, event, attach or detach"
 TOP = (
     "format, version, include, robot, start, obstacles, clearance, collision, objective, "
     "period, robustness, closed, moves"

@@ -154,8 +154,10 @@ def tube_surfaces(tube: Tube) -> list[Surface]:
     """Return the outside of a tube, a part per segment.
 
     Of every capsule only the part outside all others is kept, so that the parts make one skin:
-    inner walls would show through a translucent skin.
+    inner walls would show through a translucent skin. A tube that excludes nothing has none.
     """
+    if tube.is_anywhere:
+        return []
     sides = int(np.clip(240 // tube.segment_count, _MIN_TUBE_SIDES, _MAX_TUBE_SIDES))
     parts = []
     for k in range(tube.segment_count):

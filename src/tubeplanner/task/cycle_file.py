@@ -7,9 +7,11 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import checked_path
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.fields import Finite, Flag, Section, Version, check_fields, one_of
+from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import angles_of, doubts
@@ -38,7 +40,7 @@ from tubeplanner.task.problem_format import (
     is_cycle,
     read_document,
 )
-from tubeplanner.task.problem_reader import attached_of, build_problem, load_problem
+from tubeplanner.task.problem_reader import attached_of, build_problem, load_problem, tool_at
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.text import require_name
 
@@ -69,6 +71,24 @@ class MoveFields(Section):
     objective: ObjectiveFields | None = Field(None, description="in place of the cycle's")
     collision: MoveCollisionFields = Field(MoveCollisionFields(), description="what is checked")
     pass_through: Flag = Field(False, description="no stop where it begins")
+
+
+class ToFields(Section):
+    """A motion without a tube, from where the one before ended: the tool may be anywhere."""
+
+    to: str = Field(description="its name, unique; what messages call it")
+    goal: EndpointFields = Field(
+        description="where it ends: joints, or what leads to joints (pose, group_state, trajectory)"
+    )
+    limits: LimitFields | None = Field(None, description="above the robot's limits")
+    clearance: Clearance | None = Field(
+        None, description="in place of the cycle's [m]; of a map, field by field"
+    )
+    contacts: list[ContactFields] = Field(
+        [], description="solids that may be nearer where the move begins or ends"
+    )
+    objective: ObjectiveFields | None = Field(None, description="in place of the cycle's")
+    collision: MoveCollisionFields = Field(MoveCollisionFields(), description="what is checked")
 
 
 class EventFields(Section):
@@ -102,7 +122,12 @@ class DetachFields(Section):
     leave_as_obstacle: Flag = Field(True, description="whether it stays where it is then")
 
 
-_STEPS = {"event": EventFields, "attach": AttachFields, "detach": DetachFields}
+_STEPS = {
+    "to": ToFields,
+    "event": EventFields,
+    "attach": AttachFields,
+    "detach": DetachFields,
+}
 
 
 def _step_kind(step: Any) -> str | None:
@@ -118,13 +143,14 @@ def _step_kind(step: Any) -> str | None:
 
 StepFields: TypeAlias = Annotated[
     Annotated[MoveFields, Tag("MoveFields")]
+    | Annotated[ToFields, Tag("ToFields")]
     | Annotated[EventFields, Tag("EventFields")]
     | Annotated[AttachFields, Tag("AttachFields")]
     | Annotated[DetachFields, Tag("DetachFields")],
     Discriminator(
         _step_kind,
         custom_error_type="step",
-        custom_error_message="it must be a map with name (of a move), event, attach or detach",
+        custom_error_message="it must be a map with name (of a move), to, event, attach or detach",
     ),
 ]
 
@@ -220,7 +246,7 @@ def _build(
     fields = check_fields(CycleFields, data, source, layers.source_of)
     reader = _MoveReader(data, directory, source)
     steps = [
-        reader.move(k, step) if isinstance(step, MoveFields) else None
+        reader.move(k, step) if isinstance(step, MoveFields | ToFields) else None
         for k, step in enumerate(fields.moves)
     ]
     first = reader.first
@@ -253,23 +279,27 @@ class _MoveReader:
         self._data, self._directory, self._source = data, directory, source
         self._robots: dict[str, RobotModel] = {}
         self.first: PlanningProblem | None = None
+        self._end: FloatArray | None = None  # of the tool after the last move, (3,) [m]
 
-    def move(self, k: int, fields: MoveFields) -> Move:
+    def move(self, k: int, fields: MoveFields | ToFields) -> Move:
         """Return move k of the file."""
-        require_name(f"{self._source}: moves[{k}].name", fields.name, ProblemError)
+        is_free = isinstance(fields, ToFields)
+        name, key = (fields.to, "to") if isinstance(fields, ToFields) else (fields.name, "name")
+        require_name(f"{self._source}: moves[{k}].{key}", name, ProblemError)
         own = self._data["moves"][k]
         merged = self._merged(own)
-        source = f"{self._source}: move '{fields.name}'"
+        source = f"{self._source}: move '{name}'"
         problem_fields = ProblemFields.model_validate(merged)
-        problem = build_problem(problem_fields, self._directory, fields.name, source)
-        self.first = self.first or problem
+        tube_of = self._free_tube if is_free else None
+        problem = build_problem(problem_fields, self._directory, name, source, tube_of)
+        self.first, self._end = self.first or problem, problem.tube.points[-1]
         clearance = ProblemFields.model_validate(
             {**merged, **_above(self._data, own, "clearance")}
         ).clearance
         segments = int(problem.tube.numbers[-1])
         ignored = [*self._ignored(self._data), *self._ignored(own), *problem.ignore_collisions]
         return Move(
-            fields.name,
+            name,
             self._robots.setdefault(json.dumps(merged["robot"], default=str), problem.robot),
             problem.tube,
             problem.goal,
@@ -277,8 +307,17 @@ class _MoveReader:
             contacts=contacts_of(fields.contacts, segments),
             ignore_collisions=tuple(ignored),
             objective=problem.objective,
-            passes_through=fields.pass_through,
+            passes_through=isinstance(fields, MoveFields) and fields.pass_through,
         )
+
+    def _free_tube(self, fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
+        """Return the unbounded tube from where the tool is to where a move ends."""
+        if fields.goal is None or fields.goal.position is not None:
+            raise ProblemError("goal takes joints, pose, group_state or trajectory beside `to`")
+        begin = self._end
+        if begin is None:
+            begin = tool_at("start", fields.start, robot, directory)
+        return Tube.anywhere(begin, tool_at("goal", fields.goal, robot, directory))
 
     def _merged(self, own: Mapping[str, Any]) -> dict[str, Any]:
         """Return the fields of a problem of a move alone.

@@ -259,15 +259,15 @@ def _tube_anywhere(
             "clearance.segments belongs to a tube, and one is to be found here; give "
             "clearance.default, and clearance.pairs where it is not the same"
         )
-    start = _tool_at("start", fields.start, robot, directory)
+    start = tool_at("start", fields.start, robot, directory)
     if fields.goal is None:
         if not needs_goal:
             return Tube.anywhere(start, start)
         raise ProblemError("goal is required: joints, or the position of the tool")
-    return Tube.anywhere(start, _tool_at("goal", fields.goal, robot, directory))
+    return Tube.anywhere(start, tool_at("goal", fields.goal, robot, directory))
 
 
-def _tool_at(end: str, fields: EndpointFields, robot: RobotModel, directory: Path) -> FloatArray:
+def tool_at(end: str, fields: EndpointFields, robot: RobotModel, directory: Path) -> FloatArray:
     """Return the tool's position (3,) [m] at a start or goal, which is no seed alone."""
     value = end_of(end, fields, robot, directory)
     if fields.position is not None:

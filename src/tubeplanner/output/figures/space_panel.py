@@ -224,7 +224,7 @@ def tube_solids(tube: Tube, colors: Sequence[str] | None = None) -> list[Rendere
         ]
     return [
         RenderedSolid(surface, drawing.rgb(color), _TUBE_ALPHA)
-        for surface, color in zip(surfaces, colors, strict=True)
+        for surface, color in zip(surfaces, colors, strict=len(surfaces) > 0)
     ]
 
 

@@ -157,7 +157,7 @@ class _Cell:
 
 
 def _problem_cell(problem: PlanningProblem) -> _Cell:
-    surfaces = [] if problem.tube.is_anywhere else drawing.tube_surfaces(problem.tube)
+    surfaces = drawing.tube_surfaces(problem.tube)
     items = partial(_problem_items, problem, surfaces)
     return _Cell([problem.tube], surfaces, problem.obstacles, items)
 
