@@ -28,6 +28,7 @@ ends are refused.
 import argparse
 import hashlib
 import json
+import sys
 import tarfile
 import tempfile
 import time
@@ -44,6 +45,7 @@ from journals import Fields, journalled, recorded
 from shared import cause, figure
 from tubeplanner.errors import TubePlannerError
 from tubeplanner.limits.lower_bound import lower_bound
+from tubeplanner.native.library import LIBRARY
 from tubeplanner.orientation import quaternion_of_matrix
 from tubeplanner.outcome import Progress
 from tubeplanner.output.files.new_problem_files import (
@@ -125,6 +127,7 @@ def main() -> int:
         return status_of(lines)
     if arguments.folder is None:
         parser.error("FOLDER is required, or --report")
+    print(LIBRARY.build, file=sys.stderr)  # pure Python takes ten times as long
     with ExitStack() as stack:
         sources = {robot: arguments.folder.resolve() / robot for robot in arguments.robot}
         folders = {robot: (path, unpacked(path, stack)) for robot, path in sources.items()}
@@ -210,7 +213,7 @@ def examine(task: str, options: Options) -> Fields:
     name = task.partition(" ")[0]
     robot, kind, number = name.split("/")
     line: Fields = {"problem": task, "robot": robot, "set": kind, "number": int(number)}
-    line |= {"variant": options.variant}
+    line |= {"variant": options.variant, "build": LIBRARY.build}
     begun = time.process_time()
     try:
         fields, problem = problem_of(name, options)
@@ -354,7 +357,9 @@ def _pose_of_goal(problem: PlanningProblem) -> Fields:
 def _key(name: str, options: Options) -> str:
     """Return a hash of all that the line of a problem depends on, but for the files."""
     how = replace(options, keep=None, folders={})
-    content = repr((name, how, package_hash())).encode() + Path(__file__).read_bytes()
+    content = (
+        repr((name, how, package_hash(), LIBRARY.build)).encode() + Path(__file__).read_bytes()
+    )
     return hashlib.sha256(content).hexdigest()
 
 
