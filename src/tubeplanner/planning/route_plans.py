@@ -71,7 +71,8 @@ class RoutePlans:
 
     def __init__(self, options: PlanOptions, clock: PlanningClock) -> None:
         """Plan nothing yet."""
-        self._clock, self._knots = clock, QUALITIES[options.quality].free_knots
+        self._clock, self._method = clock, options.method
+        self._knots = QUALITIES[options.quality].free_knots
         self._refusal: PlanResult | None = None
         self.best: PlanResult | None = None
         self.problem: PlanningProblem | None = None
@@ -156,7 +157,7 @@ class RoutePlans:
     def result(self, stopped_by: StoppedBy | None = None) -> PlanResult:
         """Return the best result, or the first refusal, of planning that may have been stopped."""
         if self.best is None and stopped_by is not None:
-            return stopped_result(self._clock, stopped_by, STOP_AT_CORNERS)
+            return stopped_result(self._clock, stopped_by, self._method)
         result = self.best or self._refusal
         assert result is not None
         return replace(result, stopped_by=stopped_by)
