@@ -19,7 +19,13 @@ from tubeplanner import (
     plan_cycle,
 )
 from tubeplanner.errors import OptionError, ProblemError
+from tubeplanner.first_guess.branches import ReferenceBranch
 from tubeplanner.first_guess.joint_routes import RouteSearch
+from tubeplanner.geometry.tube.points import densified
+from tubeplanner.optimizer.descent import Descent, DescentState, SequentialProgram
+from tubeplanner.optimizer.link_constraints import CAUTIOUS_PER_INTERVAL, LinkConstraints
+from tubeplanner.optimizer.starts import free_start
+from tubeplanner.optimizer.step_search import TrustRegion
 from tubeplanner.outcome import PlanningClock, TimeLimitReached
 from tubeplanner.output.files.fingerprint import problem_hash
 from tubeplanner.output.files.problem_file import with_problem
@@ -211,3 +217,22 @@ def test_a_search_finds_the_routes_where_the_line_leads_nowhere(planned, monkeyp
     result = plan(free(), SHORTEST)
     assert result.succeeded
     assert result.duration < 1.05 * planned.duration
+
+
+@pytest.mark.parametrize(("is_cautious", "least", "most"), [(True, 0.0, 0.1), (False, 0.5, 9.0)])
+def test_cautious_steps_stay_free_where_others_do_not(gap, is_cautious, least, most):
+    branch = ReferenceBranch((densified(gap.tube.route, 0.05),))
+    spline = free_start(gap, branch)
+    links = LinkConstraints(gap, per_interval=CAUTIOUS_PER_INTERVAL)
+    program = SequentialProgram(gap, spline.grid, links, is_cautious=is_cautious)
+    depths = []
+
+    def look(iterates):
+        fresh = LinkConstraints(gap, per_interval=CAUTIOUS_PER_INTERVAL)
+        fresh.add_samples(iterates[0].spline)
+        depths.append(fresh.at(iterates[0].spline).excess.max(initial=0.0))
+
+    begun = DescentState((program.iterate(spline),), TrustRegion(0.2))
+    result = Descent((program,)).improved(begun, min_gain=1e-3, max_steps=20, checkpoint=look)
+    assert result.iterate.duration < begun.iterate.duration
+    assert least <= max(depths) <= most
