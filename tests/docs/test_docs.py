@@ -345,7 +345,7 @@ def test_every_field_of_the_cycle_file_is_documented():
     own = [schema["$defs"][name] for name in schema["$defs"] if name not in common["$defs"]]
     assert {"MoveFields", "AttachFields"} <= set(schema["$defs"])
     require_described(page, (schema, *own))
-    kinds = ("move", "to", "event", "attach", "detach")
+    kinds = ("move", "event", "attach", "detach")
     sections = ", or ".join(f"[section](#{kind})" for kind in kinds)
     assert f"\n| `moves` | list of ({sections}) |  | required | " in page
     assert "\n| `dwell` | number | s | `0.0` | how long the arm stays |" in page

@@ -5,6 +5,7 @@ import pytest
 
 from tubeplanner import GoalRegion, Obstacle, Tube, placement_of
 from tubeplanner.output.drawing import (
+    SEGMENT_COLORS,
     best_direction,
     coarse_hull_points,
     dashes,
@@ -17,6 +18,7 @@ from tubeplanner.output.drawing import (
     shape_surface,
     tube_surfaces,
 )
+from tubeplanner.output.figures.space_panel import tube_solids
 from tubeplanner.task.endpoints import endpoint_of
 
 CORNERS = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.4, 0.0], [0.5, 0.4, 0.3]]
@@ -26,6 +28,12 @@ def volume(surface):
     """Return the enclosed volume; negative if the triangles face inwards."""
     a, b, c = surface.vertices[surface.faces].transpose(1, 0, 2)
     return np.einsum("fi,fi->f", a, np.cross(b, c)).sum() / 6
+
+
+def test_where_the_tool_may_be_anywhere_there_is_no_skin():
+    tube = Tube.anywhere(*np.array(CORNERS[:2]))
+    assert tube_surfaces(tube) == []
+    assert tube_solids(tube, [SEGMENT_COLORS[0]]) == []
 
 
 def test_the_skin_of_a_tube_is_closed_and_one_segment_is_a_capsule():

@@ -127,7 +127,7 @@ def test_a_route_needs_configurations_at_its_ends(gap):
 
 @pytest.mark.parametrize("method", ["branch-and-bound", "suh-bishop"])
 def test_methods_that_follow_points_refuse_a_route(gap, method):
-    with pytest.raises(OptionError, match=r"tube\.route is in their place; give method"):
+    with pytest.raises(OptionError, match=r"there are none: tube\.route is given; give method"):
         plan(gap, PlanOptions(method=method))
 
 
@@ -201,13 +201,11 @@ def test_moves_of_a_cycle_may_have_no_tube(gap, planned, run, tmp_path):
 @pytest.mark.parametrize(
     ("moves", "said"),
     [
-        ([{"to": "there"}], r"moves\[0\]\.goal is required"),
-        ([{**THERE, "goal": {"position": [0, 0.5, 0]}}], "goal takes joints, pose, group_state or"),
-        ([{**THERE, "tube": {}}], "unknown key 'tube'"),
-        ([THERE, {**BACK, "to": "there"}], "there"),
+        ([{"to": "there"}], "move 'there': goal.group_state 'there' is one of an SRDF"),
+        ([THERE, {**BACK, "to": "there"}], "move 'there': 2 moves have this name"),
     ],
 )
-def test_a_move_without_a_tube_needs_joints_at_its_end(moves, said):
+def test_a_move_without_a_tube_needs_an_end_and_its_own_name(moves, said):
     with pytest.raises(ProblemError, match=said):
         cycle_of(*moves)
 

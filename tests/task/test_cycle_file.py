@@ -34,8 +34,8 @@ from tubeplanner.task.info import cycle_info
 SCHEMA = cycle_schema()
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 SAMPLE = Path(__file__).parents[1] / "data/cases" / "every_cycle_field.yaml"
-MOVE = "name, tube, goal, limits, clearance, contacts, objective, collision, pass_through"
-KIND = r"it must be a map with name \(of a move\), to, event, attach or detach"
+MOVE = "name, tube, goal, to, limits, clearance, contacts, objective, collision, pass_through"
+KIND = r"it must be a map with name or to \(of a move\), event, attach or detach"
 TOP = (
     "format, version, include, robot, start, obstacles, clearance, collision, objective, "
     "period, robustness, closed, moves"
@@ -97,7 +97,7 @@ def test_the_sample_has_every_field_and_is_a_cycle():
         names = {name for step in fields["moves"] if key in step for name in step}
         assert names == set(SCHEMA["$defs"][f"{kind}Fields"]["properties"])
     cycle = load_cycle(SAMPLE)
-    assert [len(leg.moves) for leg in cycle.legs] == [2, 1, 1]
+    assert [len(leg.moves) for leg in cycle.legs] == [2, 1, 1, 1]
 
 
 def test_every_field_has_a_description_and_durations_their_unit():
@@ -227,6 +227,40 @@ def test_a_move_ends_as_a_problem_does(goal, kind):
     assert type(parse_cycle(fields).legs[0].joined.goal) is kind
 
 
+SRDF = """<robot name="two_link">
+  <group name="arm"><chain base_link="base" tip_link="hand"/></group>
+  <group_state name="up" group="arm">
+    <joint name="joint1" value="0.5"/><joint name="joint2" value="0.2"/>
+  </group_state>
+</robot>"""
+
+
+def test_a_move_without_a_tube_goes_where_it_says(tmp_path):
+    (tmp_path / "arm.srdf").write_text(SRDF)
+    fields = with_(None, closed=False)
+    fields["robot"]["srdf"] = "arm.srdf"
+    goal = {"position": [0.2, 0.3, 0.0]}
+    fields["moves"][BACK:] = [{"to": "up"}, {"name": "aside", "goal": goal}, {"to": "start"}]
+    VALIDATOR.validate(fields)
+    up, aside, back = parse_cycle(fields, tmp_path).steps[BACK:]
+    assert [each.name for each in (up, aside, back)] == ["up", "aside", "start"]
+    np.testing.assert_array_equal(up.goal, [0.5, 0.2])
+    np.testing.assert_array_equal(back.goal, HOME)
+    begins = [FAR, up.end_position, goal["position"]]
+    ends = [*begins[1:], planar_arm().tool_position(HOME)]
+    for move, begin, end in zip((up, aside, back), begins, ends, strict=True):
+        assert move.tube.is_anywhere
+        np.testing.assert_allclose(move.tube.points, [begin, end], atol=1e-9)
+
+
+def test_the_last_move_of_a_closed_cycle_goes_back_to_a_start_that_is_chosen():
+    fields = with_(None, start={"seed": HOME.tolist()})
+    fields["moves"][BACK] = {"to": "start"}
+    last = parse_cycle(fields).steps[-1]
+    assert last.ends_openly
+    np.testing.assert_allclose(last.end_position, planar_arm().tool_position(HOME), atol=1e-6)
+
+
 def test_limits_of_a_move_are_above_the_robots():
     fields = with_(TO_PLACE, limits={"scale": {"velocity": 0.5}})
     fields["robot"]["limits"] = {"velocity": {"joint1": 3.0}, "scale": {"effort": 0.9}}
@@ -319,6 +353,16 @@ HEAVY = {"mass": -1.0}
         (with_(TO_PICK, pass_through=True), "move 'to_pick': pass_through: nothing comes before i"),
         (with_(BACK, goal={"joints": [3.0, 0.0]}), "move 'back': goal: the tool is at"),
         (with_(BACK, goal={}), "move 'back': goal takes either joints or seed"),
+        (with_(BACK, to="start", goal={"joints": [0, 0]}), "move 'back': goal and to are given"),
+        (with_(BACK, to="up"), "move 'back': goal.group_state 'up' is one of an SRDF"),
+        (
+            with_(TO_PICK, to="start") | {"start": {"seed": HOME.tolist()}},
+            "move 'to_pick': to: start: the start is a seed or a pose",
+        ),
+        (
+            with_(None, moves=[with_(0)["moves"][0], {"to": "start", "pass_through": True}]),
+            "move 'start': pass_through: move 'start' has no tube, and so begins and ends at rest",
+        ),
         (with_(BACK, tube={"points": [FAR] * 2, "radius": -1}), "move 'back': tube"),
         (
             with_(BACK, limits={"scale": {"velocity": 2}}),

@@ -427,6 +427,8 @@ def _step_table(cycle: Cycle) -> str:
         for move in leg.moves:
             length = np.linalg.norm(np.diff(move.tube.points, axis=0), axis=1).sum()
             cells = (escape(move.name), str(move.tube.numbers[-1]), f"{length:.4g} m")
+            if move.tube.is_anywhere:
+                cells = (cells[0], "no tube", "")
             ends = "in a given configuration"
             if move.ends_openly:
                 closes = cycle.closed and move is cycle.legs[-1].moves[-1]

@@ -532,7 +532,12 @@ def _continuing(
 
 
 def is_continued(problem: PlanningProblem) -> bool:
-    """Return True if a branch leads from a problem's start along its tube to its goal."""
+    """Return True if a branch leads from a problem's start along its tube to its goal.
+
+    Where the tool may be anywhere no branch is asked for.
+    """
+    if problem.has_free_tool:
+        return True
     for rule in redundancy_rules(problem):
         try:
             reference_branch(problem, rule)

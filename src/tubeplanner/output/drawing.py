@@ -154,7 +154,7 @@ def tube_surfaces(tube: Tube) -> list[Surface]:
     """Return the outside of a tube, a part per segment.
 
     Of every capsule only the part outside all others is kept, so that the parts make one skin:
-    inner walls would show through a translucent skin. A tube that excludes nothing has none.
+    inner walls would show through a translucent skin. None where the tool may be anywhere.
     """
     if tube.is_anywhere:
         return []

@@ -16,6 +16,7 @@ from tubeplanner.outcome import (
     TimeLimitReached,
 )
 from tubeplanner.planning.diagnosis import blocking_sample, refined_diagnosis, require_possible
+from tubeplanner.planning.free_plans import free_plan
 from tubeplanner.planning.options import (
     BRANCH_AND_BOUND,
     METHODS,
@@ -26,7 +27,7 @@ from tubeplanner.planning.options import (
 )
 from tubeplanner.planning.refined_plan import RefinedPlans, continued_plan, narrowed_plan
 from tubeplanner.planning.result import PlanResult, refused_result, stopped_result
-from tubeplanner.planning.route_plans import is_free, route_plan
+from tubeplanner.planning.route_plans import route_plan
 from tubeplanner.planning.waypoint_plans import (
     StoppingPlan,
     resting_plan,
@@ -219,7 +220,8 @@ def _search(state: _Planning) -> PlanResult | None:
 
 
 def _along_route(state: _Planning) -> PlanResult:
-    return route_plan(state.problem, state.options, state.clock)
+    planned = free_plan if state.problem.tube.route is None else route_plan
+    return planned(state.problem, state.options, state.clock)
 
 
 def _fastest(state: _Planning) -> PlanResult | None:
@@ -280,7 +282,7 @@ UNION_ATTEMPTS = (
 )
 
 
-# The tool may be anywhere: along a joint route, or along routes of a search.
+# Along a joint route, the problem's or those that a search finds, the tool anywhere.
 ROUTE_ATTEMPTS = (
     Attempt(_necessary_conditions, METHODS),
     Attempt(_rest, METHODS),
@@ -301,7 +303,7 @@ def attempted_plan(
     """
     state, result = _Planning(problem, last, options, clock), None
     table: tuple[Attempt, ...] = UNION_ATTEMPTS if state.is_union else ATTEMPTS
-    if problem.tube.route is not None or (options.method == REFINEMENT and is_free(problem)):
+    if problem.tube.route is not None or problem.has_free_tool:
         table = ROUTE_ATTEMPTS
     attempts = (each for each in table if options.method in each.methods and each.applies(state))
     try:

@@ -17,14 +17,11 @@ from tubeplanner.first_guess.branches import (
     least_time,
     other_ends,
 )
-from tubeplanner.first_guess.inverse_kinematics import solve_position
-from tubeplanner.first_guess.pose_configurations import is_free, spread_seeds
-from tubeplanner.first_guess.segment_walk import wanted_at
+from tubeplanner.first_guess.pose_configurations import is_free
 from tubeplanner.optimizer.phased_spline import PhasedSpline
 from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.optimizer.tied_legs import TiedLegs
 from tubeplanner.outcome import (
-    MARGIN_TOLERANCE,
     Infeasible,
     Location,
     PlanningClock,
@@ -35,6 +32,7 @@ from tubeplanner.outcome import (
 )
 from tubeplanner.planning.attempts import attempted_plan
 from tubeplanner.planning.diagnosis import require_within_bound
+from tubeplanner.planning.free_plans import reaching
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.refined_plan import continued_plan
 from tubeplanner.planning.result import (
@@ -88,6 +86,8 @@ def fastest_leg(
             )
 
         first, *others = sorted((first, *others), key=away)
+    elif problem.has_free_tool:  # the nearest in time, as no branch is followed
+        first, *others = sorted((first, *others), key=least_time)
     quick = replace(options, persistent=False)
     results: list[PlanResult] = []
     best: LegPlan | None = None
@@ -221,7 +221,7 @@ def other_junctions(cycle: Cycle, k: int, junctions: list[FloatArray]) -> Iterat
     if (lower > upper).any():
         return
     distinct = [junctions[k]]
-    for q in _reaching(before, junctions[k], lower, upper):
+    for q in reaching(before, junctions[k], lower, upper):
         if all(abs(q - other).max() > _SAME for other in distinct):
             distinct.append(q)
     others = sorted(distinct[1:], key=lambda q: float(abs(q - junctions[k - 1]).max()))
@@ -232,25 +232,6 @@ def other_junctions(cycle: Cycle, k: int, junctions: list[FloatArray]) -> Iterat
             continue
         if is_free(problem, "start", q) and is_continued(problem):
             yield q
-
-
-def _reaching(
-    problem: PlanningProblem, near: FloatArray, lower: FloatArray, upper: FloatArray
-) -> Iterator[FloatArray]:
-    """Yield configurations (n,) within bounds with the tool at a leg's open goal."""
-    goal = problem.open_goal
-    assert goal is not None
-    last = problem.tube.segment_count - 1
-    for seed in [near, *spread_seeds(lower, upper)]:
-        target = wanted_at(problem, goal.position, last, seed)
-        solution = solve_position(problem.robot, goal.position, seed, lower, upper, rotation=target)
-        if solution.error > MARGIN_TOLERANCE / 2:
-            continue
-        if problem.tube.rotation is not None:
-            rotation, tool = problem.robot.tool_pose(solution.q[None])
-            if problem.tube.rotation.margin(rotation, tool, last)[0] < 0:
-                continue
-        yield solution.q
 
 
 # ---- Moves planned alone, one after the other, each from where the last one ended.
@@ -412,7 +393,11 @@ def shared_plan(
         TimeLimitReached: Before that was known; likewise KeyboardInterrupt.
     """
     last = len(greedy) - 1
-    is_open = [leg.joined.ends_openly for leg in cycle.legs]
+    # Where the tool may be anywhere, ends stay as the search chose them.
+    is_open = [
+        leg.joined.ends_openly and not plan.problem.has_free_tool
+        for leg, plan in zip(cycle.legs, greedy, strict=True)
+    ]
     is_open[last] &= not cycle.closed or cycle.endpoint.kind == "seed"
     goals = [
         leg.joined.goal if opens else plan.end

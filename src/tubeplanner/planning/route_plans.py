@@ -10,7 +10,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
-from typing import Any
 
 import numpy as np
 
@@ -127,7 +126,8 @@ class RoutePlans:
             with self._clock.within(f"route {self.routes}"):
                 if self.best is None:
                     self.stop_at_corners(along)
-                self.refine(along)
+                if self._method != STOP_AT_CORNERS:
+                    self.refine(along)
             in_vain = in_vain + 1 if self.duration > (1 - _GAIN) * before else 0
             if self.are_enough(lower_bound(along).duration) or in_vain == _MAX_IN_VAIN:
                 break
@@ -140,7 +140,7 @@ class RoutePlans:
             message = (
                 f"no route was found by {search.edges} edges; the last search brought the tool to "
                 f"[{x:.3f}, {y:.3f}, {z:.3f}] m: move what is in the way, choose another goal "
-                "configuration, or give it more edges"
+                "configuration, or give more edges (`tubeplanner route`) or a tube"
             )
             raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location().at(tool))
 
@@ -199,17 +199,9 @@ def with_route(problem: PlanningProblem, route: FloatArray) -> PlanningProblem:
     return problem.with_tube(replace(problem.tube, route=route), route[-1])
 
 
-def is_free(problem: PlanningProblem) -> bool:
-    """Return True if the tool may be anywhere from a start to a goal in given configurations."""
-    ends = (end.joints is not None for end in problem.endpoints)
-    return problem.tube.is_anywhere and problem.tube.segment_count == 1 and all(ends)
-
-
 def _route(problem: PlanningProblem) -> FloatArray:
-    """Return the route of a problem, without any the line from start to goal, (P, n)."""
-    if problem.tube.route is not None:
-        return problem.tube.route
-    return np.array([end.joints for end in problem.endpoints])
+    assert problem.tube.route is not None
+    return problem.tube.route
 
 
 def _branch(route: FloatArray) -> ReferenceBranch:
@@ -217,20 +209,13 @@ def _branch(route: FloatArray) -> ReferenceBranch:
 
 
 def route_plan(problem: PlanningProblem, options: PlanOptions, clock: PlanningClock) -> PlanResult:
-    """Return the fastest plan along a problem's route, or without any along routes of a search.
-
-    After Ctrl-C or the time limit, the best so far.
-    """
+    """Return the fastest plan along a problem's route; after Ctrl-C or the time limit, so far."""
     plans, least = RoutePlans(options, clock), lower_bound(problem).duration
-    goals = _route(problem)[-1:]
     attempts: tuple[Callable[[PlanningProblem], None], ...] = (
         plans.refine_line,
         plans.stop_at_corners,
         plans.refine,
     )
-    if problem.tube.route is None:
-        budget: dict[str, Any] = {"seed": SEED, "edges": EDGES}
-        attempts = plans.refine_line, lambda p: plans.search(p, goals, MAX_ROUTES, **budget)
     if options.method == STOP_AT_CORNERS:
         attempts = (plans.stop_at_corners,)
 

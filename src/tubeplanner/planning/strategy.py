@@ -158,10 +158,12 @@ def require_supported(problem: PlanningProblem, options: PlanOptions) -> None:
     if is_robust:
         require_mujoco("the field robustness")
         require_no_followers(problem.robot)
-    if problem.tube.route is not None and options.method in (BRANCH_AND_BOUND, SUH_BISHOP):
+    has_points = problem.tube.route is None and not problem.has_free_tool
+    if not has_points and options.method in (BRANCH_AND_BOUND, SUH_BISHOP):
+        why = "the tool may be anywhere" if problem.tube.route is None else "tube.route is given"
         raise OptionError(
-            f"method '{options.method}' follows reference points, and tube.route is in their "
-            f"place; give method '{REFINEMENT}' or '{STOP_AT_CORNERS}'"
+            f"method '{options.method}' follows reference points, and there are none: {why}; "
+            f"give method '{REFINEMENT}' or '{STOP_AT_CORNERS}'"
         )
     if options.method == REFINEMENT:
         return

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -9,9 +10,8 @@ from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import checked_path
-from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.errors import ProblemError, RobotError, faults_of
 from tubeplanner.fields import Finite, Flag, Section, Version, check_fields, one_of
-from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import angles_of, doubts
@@ -40,7 +40,12 @@ from tubeplanner.task.problem_format import (
     is_cycle,
     read_document,
 )
-from tubeplanner.task.problem_reader import attached_of, build_problem, load_problem, tool_at
+from tubeplanner.task.problem_reader import (
+    attached_of,
+    build_problem,
+    load_problem,
+    tube_anywhere,
+)
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.text import require_name
 
@@ -54,12 +59,29 @@ class MoveCollisionFields(Section):
 
 
 class MoveFields(Section):
-    """A motion along a tube, from where the one before ended."""
+    """A motion along a tube, or anywhere between its ends, from where the one before ended."""
 
-    name: str = Field(description="unique; what messages call it")
-    tube: TubeFields = Field(description="where the tool may be, and in which configuration")
+    model_config = ConfigDict(
+        json_schema_extra={
+            "allOf": [
+                {"anyOf": [{"required": ["name"]}, {"required": ["to"]}]},
+                {"anyOf": [{"required": [key]} for key in ("tube", "goal", "to")]},
+            ]
+        }
+    )
+
+    name: str | None = Field(None, description="unique; what messages call it; left out: as in to")
+    tube: TubeFields | None = Field(
+        None,
+        description="where the tool may be, and in which configuration; left out: anywhere",
+    )
     goal: EndpointFields | None = Field(
         None, description="where it ends; left out: in whichever configuration is best"
+    )
+    to: str | None = Field(
+        None,
+        description="in place of goal: a group_state's name, or start, where the cycle begins; "
+        "beside goal: what the move is called",
     )
     limits: LimitFields | None = Field(None, description="above the robot's limits")
     clearance: Clearance | None = Field(
@@ -71,24 +93,6 @@ class MoveFields(Section):
     objective: ObjectiveFields | None = Field(None, description="in place of the cycle's")
     collision: MoveCollisionFields = Field(MoveCollisionFields(), description="what is checked")
     pass_through: Flag = Field(False, description="no stop where it begins")
-
-
-class ToFields(Section):
-    """A motion without a tube, from where the one before ended: the tool may be anywhere."""
-
-    to: str = Field(description="its name, unique; what messages call it")
-    goal: EndpointFields = Field(
-        description="where it ends: joints, or what leads to joints (pose, group_state, trajectory)"
-    )
-    limits: LimitFields | None = Field(None, description="above the robot's limits")
-    clearance: Clearance | None = Field(
-        None, description="in place of the cycle's [m]; of a map, field by field"
-    )
-    contacts: list[ContactFields] = Field(
-        [], description="solids that may be nearer where the move begins or ends"
-    )
-    objective: ObjectiveFields | None = Field(None, description="in place of the cycle's")
-    collision: MoveCollisionFields = Field(MoveCollisionFields(), description="what is checked")
 
 
 class EventFields(Section):
@@ -122,12 +126,7 @@ class DetachFields(Section):
     leave_as_obstacle: Flag = Field(True, description="whether it stays where it is then")
 
 
-_STEPS = {
-    "to": ToFields,
-    "event": EventFields,
-    "attach": AttachFields,
-    "detach": DetachFields,
-}
+_STEPS = {"event": EventFields, "attach": AttachFields, "detach": DetachFields}
 
 
 def _step_kind(step: Any) -> str | None:
@@ -143,14 +142,14 @@ def _step_kind(step: Any) -> str | None:
 
 StepFields: TypeAlias = Annotated[
     Annotated[MoveFields, Tag("MoveFields")]
-    | Annotated[ToFields, Tag("ToFields")]
     | Annotated[EventFields, Tag("EventFields")]
     | Annotated[AttachFields, Tag("AttachFields")]
     | Annotated[DetachFields, Tag("DetachFields")],
     Discriminator(
         _step_kind,
         custom_error_type="step",
-        custom_error_message="it must be a map with name (of a move), to, event, attach or detach",
+        custom_error_message="it must be a map with name or to (of a move), event, attach or "
+        "detach",
     ),
 ]
 
@@ -193,6 +192,7 @@ def cycle_schema() -> dict[str, Any]:
 
 # ---- Cycles from files and from nested dictionaries.
 
+_START = "start"  # as the goal of a move: where the cycle begins
 _HEADER = ("robot", "start", "obstacles", "objective", "period", "robustness")
 
 
@@ -246,7 +246,7 @@ def _build(
     fields = check_fields(CycleFields, data, source, layers.source_of)
     reader = _MoveReader(data, directory, source)
     steps = [
-        reader.move(k, step) if isinstance(step, MoveFields | ToFields) else None
+        reader.move(k, step) if isinstance(step, MoveFields) else None
         for k, step in enumerate(fields.moves)
     ]
     first = reader.first
@@ -278,27 +278,37 @@ class _MoveReader:
     def __init__(self, data: Mapping[str, Any], directory: Path, source: str) -> None:
         self._data, self._directory, self._source = data, directory, source
         self._robots: dict[str, RobotModel] = {}
+        self._end: FloatArray | None = None  # the tool's position (3,) at the last move's end [m]
         self.first: PlanningProblem | None = None
-        self._end: FloatArray | None = None  # of the tool after the last move, (3,) [m]
 
-    def move(self, k: int, fields: MoveFields | ToFields) -> Move:
+    def move(self, k: int, fields: MoveFields) -> Move:
         """Return move k of the file."""
-        is_free = isinstance(fields, ToFields)
-        name, key = (fields.to, "to") if isinstance(fields, ToFields) else (fields.name, "name")
-        require_name(f"{self._source}: moves[{k}].{key}", name, ProblemError)
-        own = self._data["moves"][k]
-        merged = self._merged(own)
+        name, own = fields.name or fields.to, self._data["moves"][k]
+        if name is None:
+            raise ProblemError(f"{self._source}: moves[{k}].name is required, or to")
+        require_name(f"{self._source}: moves[{k}].name", name, ProblemError)
         source = f"{self._source}: move '{name}'"
+        if fields.to is not None and fields.goal is not None and fields.name is not None:
+            raise ProblemError(f"{source}: goal and to are given; leave out one of them")
+        if fields.to is not None and fields.goal is None:
+            with faults_of(source, ProblemError):
+                own = {**own, "goal": self._goal_of(k, fields)}
+        merged, tube_of = self._merged(own), None
+        if fields.tube is None:
+            if merged.get("goal") is None:
+                raise ProblemError(
+                    f"{self._source}: moves[{k}].tube is required, or else goal, or to"
+                )
+            tube_of = partial(tube_anywhere, begin=self._end)
         problem_fields = ProblemFields.model_validate(merged)
-        tube_of = self._free_tube if is_free else None
         problem = build_problem(problem_fields, self._directory, name, source, tube_of)
-        self.first, self._end = self.first or problem, problem.tube.points[-1]
+        self.first = self.first or problem
         clearance = ProblemFields.model_validate(
             {**merged, **_above(self._data, own, "clearance")}
         ).clearance
         segments = int(problem.tube.numbers[-1])
         ignored = [*self._ignored(self._data), *self._ignored(own), *problem.ignore_collisions]
-        return Move(
+        move = Move(
             name,
             self._robots.setdefault(json.dumps(merged["robot"], default=str), problem.robot),
             problem.tube,
@@ -307,17 +317,28 @@ class _MoveReader:
             contacts=contacts_of(fields.contacts, segments),
             ignore_collisions=tuple(ignored),
             objective=problem.objective,
-            passes_through=isinstance(fields, MoveFields) and fields.pass_through,
+            passes_through=fields.pass_through,
         )
+        self._end = move.end_position
+        return move
 
-    def _free_tube(self, fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
-        """Return the unbounded tube from where the tool is to where a move ends."""
-        if fields.goal is None or fields.goal.position is not None:
-            raise ProblemError("goal takes joints, pose, group_state or trajectory beside `to`")
-        begin = self._end
-        if begin is None:
-            begin = tool_at("start", fields.start, robot, directory)
-        return Tube.anywhere(begin, tool_at("goal", fields.goal, robot, directory))
+    def _goal_of(self, k: int, fields: MoveFields) -> dict[str, Any]:
+        """Return the fields of the goal of move k that names it."""
+        if fields.to != _START:
+            return {"group_state": fields.to}
+        start: dict[str, Any] = self._data["start"]
+        if not {"seed", "pose"} & start.keys():
+            return start
+        # Planning chooses that configuration, in which the last move of a closed cycle ends.
+        is_last = all(
+            "to" not in step and "name" not in step for step in self._data["moves"][k + 1 :]
+        )
+        if self.first is None or not (self._data.get("closed") and is_last):
+            raise ProblemError(
+                "to: start: the start is a seed or a pose, whose configuration planning chooses; "
+                "give start.joints, or closed: true if this is the last move"
+            )
+        return {"position": self.first.tube.points[0].tolist()}
 
     def _merged(self, own: Mapping[str, Any]) -> dict[str, Any]:
         """Return the fields of a problem of a move alone.
@@ -330,7 +351,7 @@ class _MoveReader:
         limits = merged_fields(robot.get("limits") or {}, own.get("limits") or {})
         merged["robot"] = {**robot, "limits": limits}
         merged |= _above(self._data, own, "objective")
-        merged |= {key: own[key] for key in ("tube", "goal") if key in own}
+        merged |= {key: own[key] for key in ("tube", "goal") if own.get(key) is not None}
         segments = _above(self._data, own, "clearance").get("clearance")
         if isinstance(segments, dict) and segments.get("segments") is not None:
             merged["clearance"] = {"segments": segments["segments"]}

@@ -202,6 +202,12 @@ def joined_moves(moves: Sequence[Move]) -> Move:
 
 def _require_joinable(first: Move, second: Move) -> None:
     here = f"move '{second.name}': pass_through"
+    for move in (first, second):
+        if move.tube.is_anywhere:
+            raise ProblemError(
+                f"{here}: move '{move.name}' has no tube, and so begins and ends at rest; leave "
+                "pass_through out, or give it a tube"
+            )
     region = first.endpoint.region
     if region is None or region.tolerance > 0:
         raise ProblemError(

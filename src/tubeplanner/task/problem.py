@@ -213,6 +213,14 @@ class PlanningProblem:
         return {name: getattr(self, name) for name in names}
 
     @property
+    def has_free_tool(self) -> bool:
+        """True if the tube excludes no motion from start to goal."""
+        tube, rotation = self.tube, self.tube.rotation
+        is_bound = any(tube.joint_ranges)
+        is_bound |= rotation is not None and bool(np.isfinite(rotation.bounds).any())
+        return tube.is_anywhere and tube.segment_count == 1 and not is_bound
+
+    @property
     def has_one_clearance(self) -> bool:
         """True if all links, obstacles and segments have the same clearance."""
         return not (self.pair_clearances or self.contacts or self.tube.clearance is not None)

@@ -107,7 +107,7 @@ def _tube_reader(
 ) -> Callable[[ProblemFields, RobotModel, Path], Tube] | None:
     """Return the reader of a problem's tube, as `load_problem` says of `reads_tube`."""
     needs_tube = fields.tube is not None if reads_tube is None else reads_tube
-    return None if needs_tube else partial(_tube_anywhere, needs_goal=reads_tube is not None)
+    return None if needs_tube else partial(tube_anywhere, needs_goal=reads_tube is not None)
 
 
 def build_problem(
@@ -250,24 +250,32 @@ def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
     return Tube(**arguments, clearance=segment_clearances(fields.clearance))
 
 
-def _tube_anywhere(
-    fields: ProblemFields, robot: RobotModel, directory: Path, *, needs_goal: bool = True
+def tube_anywhere(
+    fields: ProblemFields,
+    robot: RobotModel,
+    directory: Path,
+    *,
+    needs_goal: bool = True,
+    begin: FloatArray | None = None,
 ) -> Tube:
-    """Return the unbounded tube from the tool's position at the start to that at the goal."""
+    """Return the unbounded tube from the tool's position at the start to that at the goal.
+
+    `begin` is the position (3,) at the start [m]; None: the one of the fields.
+    """
     if segment_clearances(fields.clearance) is not None:
         raise ProblemError(
             "clearance.segments belongs to a tube, and one is to be found here; give "
             "clearance.default, and clearance.pairs where it is not the same"
         )
-    start = tool_at("start", fields.start, robot, directory)
+    start = _tool_at("start", fields.start, robot, directory) if begin is None else begin
     if fields.goal is None:
         if not needs_goal:
             return Tube.anywhere(start, start)
         raise ProblemError("goal is required: joints, or the position of the tool")
-    return Tube.anywhere(start, tool_at("goal", fields.goal, robot, directory))
+    return Tube.anywhere(start, _tool_at("goal", fields.goal, robot, directory))
 
 
-def tool_at(end: str, fields: EndpointFields, robot: RobotModel, directory: Path) -> FloatArray:
+def _tool_at(end: str, fields: EndpointFields, robot: RobotModel, directory: Path) -> FloatArray:
     """Return the tool's position (3,) [m] at a start or goal, which is no seed alone."""
     value = end_of(end, fields, robot, directory)
     if fields.position is not None:

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import in_figures, is_number
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle
@@ -32,7 +33,7 @@ class Move:
     Attributes:
         name: Unique in its cycle.
         robot: The arm with the limits of this move, without payloads and solids of steps.
-        tube: Region of the tool centre point.
+        tube: Region of the tool centre point; `Tube.anywhere` where only start and goal count.
         goal: As of a `PlanningProblem`; None, or a GoalRegion: a tool position alone, whose
             configuration is chosen so that the cycle is short.
         clearance: Least distance between any moving link and any obstacle [m].
@@ -68,6 +69,14 @@ class Move:
     def endpoint(self) -> Endpoint:
         """The goal."""
         return endpoint_of(self.goal, self.tube.points[-1])
+
+    @property
+    def end_position(self) -> FloatArray:
+        """The tool's position at the goal, shape (3,) [m]; of a region its centre."""
+        end = self.endpoint
+        if end.joints is not None:
+            return self.robot.tool_position(end.joints[None])[0]
+        return self.tube.points[-1] if end.position is None else end.position
 
     @property
     def ends_openly(self) -> bool:
@@ -198,11 +207,8 @@ def require_consistent(
 
 def _require_meeting(before: Move, move: Move) -> None:
     """Raise unless a move's tube begins at the known end of the move before."""
-    end = before.endpoint
-    tool = before.tube.points[-1] if end.position is None else end.position
-    if end.joints is not None:
-        tool = before.robot.tool_position(end.joints[None])[0]
-    slack = 0.0 if end.region is None else end.region.tolerance
+    tool, region = before.end_position, before.endpoint.region
+    slack = 0.0 if region is None else region.tolerance
     distance = -float(move.tube.margin(tool[None])[0, 0])
     if distance > slack + MARGIN_TOLERANCE:
         raise ProblemError(

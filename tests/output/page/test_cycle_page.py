@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from shown_cycle import GRIP, RELEASE, at, data_of, materials_of, motion_of, shown_cycle
 
-from tubeplanner import OptionError, ProblemError
+from tubeplanner import OptionError, ProblemError, Tube
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.output.curves import Stop, Timeline, cycle_timeline
 from tubeplanner.output.drawing import SEGMENT_COLORS
@@ -206,3 +206,15 @@ def test_what_is_no_cycle_and_names_that_do_not_fit_are_refused(cycle, motion):
         view_cycle("cycle")
     with pytest.raises(OptionError, match="one each, all different"):
         view_cycle(cycle, [motion, motion], ["a", "a"])
+
+
+def test_a_move_without_a_tube_is_drawn_without_one(cycle, motion):
+    tube = cycle.steps[0].tube
+    free = replace(cycle.steps[0], tube=Tube.anywhere(*tube.points[[0, -1]]))
+    without = replace(cycle, steps=[free, *cycle.steps[1:]])
+    page = view_cycle(without, [replace(motion, cycle=without)])
+    drawn = materials_of(recorded_commands(page.scene))
+    assert [path for path in drawn if "/tube/" in path and "/move_0" in path] == []
+    assert abs(page.scene.frame.floor).max() < 10  # [m]
+    (layer,) = [layer for layer in page.panel["layers"] if layer["name"] == "tube"]
+    assert layer["entries"][0]["text"] == "reach: anywhere, 1.000 s"

@@ -88,6 +88,8 @@ def _direction(
 def _draw_lines(axis: "Axes", view: SpaceView, content: SpaceContent) -> None:
     """Draw the path of the tool, with its ends marked, and the lines of the tubes."""
     for tube, color in content.tubes:
+        if tube.is_anywhere:
+            continue
         style: dict[str, Any] = {"color": color or drawing.REFERENCE_COLOR, "linewidth": 1.0}
         axis.plot(*view.on_page(tube.points).T, linestyle="--", zorder=3, **style)
     page = view.on_page(content.path)
@@ -207,8 +209,11 @@ def obstacle_solids(
 def tube_solids(tube: Tube, colors: Sequence[str] | None = None) -> list[RenderedSolid]:
     """Return the skin of a tube, by groups of segments as in other panels.
 
-    Without colours of the groups they have the colours of segments in turn.
+    Without colours of the groups they have the colours of segments in turn. Where the tool may be
+    anywhere there is none.
     """
+    if tube.is_anywhere:
+        return []
     step = segments_per_group(tube.segment_count)
     groups = range(0, tube.segment_count, step)
     if colors is None:

@@ -198,13 +198,16 @@ def _cycle_cell(cycle: Cycle) -> _Cell:
 def _cycle_items(
     cycle: Cycle, tubes: list[drawing.Surface], i: int, thickness: float
 ) -> list[Item]:
-    """Return the tubes of moves, in a colour each, their reference paths and goal balls."""
+    """Return the tubes of moves, in a colour each, their reference paths and goal balls.
+
+    A move without a tube has no path either.
+    """
     items, moves = [], [move for leg in cycle.legs for move in leg.moves]
     for k, (move, surface) in enumerate(zip(moves, tubes, strict=True)):
-        items.append(
-            Item(Layer.TUBE, i, tube_name(k), surface, drawing.rgb(drawing.segment_color(k)), 0.2)
-        )
-        items.append(reference_item(i, f"move_{k}", move.tube.points, thickness))
+        if len(surface.faces):
+            color = drawing.rgb(drawing.segment_color(k))
+            items.append(Item(Layer.TUBE, i, tube_name(k), surface, color, 0.2))
+            items.append(reference_item(i, f"move_{k}", move.tube.points, thickness))
         for ball in drawing.goal_ball(move.endpoint):
             color = drawing.rgb(drawing.REFERENCE_COLOR)
             items.append(Item(Layer.REFERENCE, i, f"goal_{k}", ball, color, _BALL_OPACITY))

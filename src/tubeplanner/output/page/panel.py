@@ -237,6 +237,7 @@ def _move_entries(scene: Scene, moves: Sequence[Move]) -> list[dict[str, str]]:
         radii = 1000 * move.tube.effective_radius  # of boxes half the smaller side
         low, high = f"{radii.min():.3g}", f"{radii.max():.3g}"
         size = f"{low} mm" if low == high else f"{low} to {high} mm"
+        size = "anywhere" if move.tube.is_anywhere else size
         text = f"{move.name}: {size}{lasts}"
         entries.append({"color": drawing.segment_color(k), "text": text})
     return entries
