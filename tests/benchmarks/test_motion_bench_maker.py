@@ -9,6 +9,8 @@ from contextlib import ExitStack
 import pytest
 
 import motion_bench_maker as benchmark
+from journals import recorded
+from motion_bench_problems import Options, problem_of
 from outside_judge import main as judge
 from tubeplanner.resources import bundled_robots
 
@@ -62,8 +64,8 @@ def run(download, monkeypatch, capsys):
 @pytest.mark.dear("finds a motion, which the outside judge sees")
 def test_a_problem_has_its_line_and_files_that_the_outside_judge_passes(run, tmp_path):
     journal, kept = tmp_path / "j.jsonl", tmp_path / "kept"
-    status, said = run("--journal", journal, "--keep", kept)
-    (first, second) = [json.loads(line)["row"] for line in journal.read_text().splitlines()]
+    status, said = run("--journal", journal, "--keep", kept, "--processes", 2)
+    first, second = sorted(recorded(journal, "problem"), key=lambda line: line["number"])
     assert (first["status"], first["certified"]) == ("success", True)
     assert first["bound"] <= first["duration"] <= first["first_duration"]
     assert 0 < first["first"] <= first["total"]
@@ -85,8 +87,8 @@ def test_options_change_the_problem_by_what_they_say(download):
     with ExitStack() as stack:
         source = download / "panda"
         folders = {"panda": (source, benchmark.unpacked(source, stack))}
-        options = benchmark.Options(folders, poses=True, carry=0.1, shrink=0.2)
-        fields, problem = benchmark.problem_of("panda/box/0001", options)
+        options = Options(folders, poses=True, carry=0.1, shrink=0.2)
+        fields, problem = problem_of("panda/box/0001", options)
     assert problem.robot.payload.mass == 0.1
     assert fields["robot"]["limits"] == {"acceleration": 15, "jerk": 500, "position_margin": 0.2}
     q = problem.robot.limits.upper_position
