@@ -289,6 +289,8 @@ ROUTE_ATTEMPTS = (
     Attempt(_last_motion, (REFINEMENT,), lambda state: state.last is not None),
     Attempt(_along_route, METHODS),
 )
+# The same to a pose, whose configurations the search tries.
+POSE_ATTEMPTS = (Attempt(_along_route, METHODS),)
 
 
 def attempted_plan(
@@ -304,7 +306,7 @@ def attempted_plan(
     state, result = _Planning(problem, last, options, clock), None
     table: tuple[Attempt, ...] = UNION_ATTEMPTS if state.is_union else ATTEMPTS
     if problem.tube.route is not None or problem.has_free_tool:
-        table = ROUTE_ATTEMPTS
+        table = ROUTE_ATTEMPTS if problem.endpoints[1].pose is None else POSE_ATTEMPTS
     attempts = (each for each in table if options.method in each.methods and each.applies(state))
     try:
         while result is None:

@@ -1,15 +1,15 @@
 """Plans where the tool may be anywhere: routes that a search finds from start and goal alone."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.refusal import require_free
-from tubeplanner.first_guess.branches import end_configuration, least_time
+from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.first_guess.inverse_kinematics import solve_position
-from tubeplanner.first_guess.pose_configurations import spread_seeds
+from tubeplanner.first_guess.pose_configurations import pose_configurations, reaching
 from tubeplanner.first_guess.segment_walk import wanted_at
 from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.outcome import (
@@ -20,99 +20,162 @@ from tubeplanner.outcome import (
     PlanStatus,
     until_stopped,
 )
-from tubeplanner.planning.options import STOP_AT_CORNERS, PlanOptions
+from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult, refused_result
 from tubeplanner.planning.route_plans import EDGES, MAX_ROUTES, SEED, RoutePlans, with_route
+from tubeplanner.planning.waypoint_plans import resting_plan
 from tubeplanner.task.problem import PlanningProblem
 
-_MAX_ROUTES_EACH = 2  # to each of several configurations of an open goal but the first
+# Routes to each of several goals but the first, and in all.
+_MAX_ROUTES_EACH, _MAX_ROUTES_IN_ALL = 2, 8
 
 
 def free_plan(problem: PlanningProblem, options: PlanOptions, clock: PlanningClock) -> PlanResult:
-    """Return the fastest plan along some routes; after Ctrl-C or the time limit, so far.
+    """Return the fastest plan that `search_plans` finds; after Ctrl-C or the time limit, so far."""
+    plans = RoutePlans(options, clock)
 
-    First the straight line in joint space is refined. Where it is not nearly as fast as the lower
-    bound, routes are searched for. Of an open goal, some configurations are tried, by their bounds.
-    """
-    plans, stops = RoutePlans(options, clock), options.method == STOP_AT_CORNERS
-
-    def search(begun: PlanningProblem, goals: FloatArray, count: int) -> None:
-        plans.search(begun, goals, 1 if stops else count, seed=SEED, edges=EDGES)
-
-    def work() -> None:
+    def work() -> PlanResult | None:
         start = end_configuration(problem, problem.endpoints[0], 0)
         begun = replace(problem, start=start)
-        goals = _goals(begun, start)
-        for k, goal in enumerate(goals):
-            line = with_route(begun, np.array([start, goal]))
-            least = lower_bound(line).duration
-            if plans.are_enough(least):
-                return
-            if not stops:
-                plans.refine_line(line)
-            if len(goals) > 1 and plans.best is None:
-                search(begun, goals, 1)  # to any: some may have no route
-            if not plans.are_enough(least):
-                search(begun, goal[None], _MAX_ROUTES_EACH if k else MAX_ROUTES)
+        require_free(begun, "start", start, is_given=problem.endpoints[0].joints is not None)
+        goals = goal_configurations(begun, start, SEED)
+        nearest = replace(begun, goal=goals[0])
+        rest = resting_plan(nearest, np.array([start, goals[0]]), options.method, clock)
+        if rest is None:
+            for _ in search_plans(plans, begun, goals, SEED, EDGES):
+                clock.check()
+        return rest
 
     try:
-        _, stopped_by = until_stopped(work)
+        rest, stopped_by = until_stopped(work)
     except Infeasible as reason:
         return plans.best or refused_result(reason, options.method)
-    return plans.result(stopped_by)
+    return rest or plans.result(stopped_by)
 
 
-# ---- Configurations of the goal.
+def search_plans(
+    plans: RoutePlans, problem: PlanningProblem, goals: FloatArray, seed: int, edges: int
+) -> Iterator[None]:
+    """Plan from a start configuration to goals (G, n), by their bounds; yield before each search.
 
-_MAX_GOALS = 8
-_SAME = 0.1  # [rad or m] of every joint
-
-
-def _goals(problem: PlanningProblem, start: FloatArray) -> FloatArray:
-    """Return configurations (G, n) of the goal, of an open goal some free ones by their bounds.
+    First the straight line in joint space is refined. Where it is not nearly as fast as the lower
+    bound, routes are searched for. The seed and the number of edges are those of all searches.
 
     Raises:
-        Infeasible: The tool does not reach the goal, or no configuration is free.
+        Infeasible: Status no_trajectory: no route was found.
+        TimeLimitReached: Before the end; likewise KeyboardInterrupt.
     """
-    region = problem.open_goal
-    if region is None:
-        return end_configuration(problem, problem.endpoints[1], -1)[None]
-    distinct: list[FloatArray] = []
-    for q in reaching(problem, start, problem.joint_lower[-1], problem.joint_upper[-1]):
-        if all(abs(q - other).max() > _SAME for other in distinct):
-            distinct.append(q)
-    if not distinct:
-        message = "no configuration was found with the tool at the goal; move it nearer"
-        raise Infeasible(PlanStatus.UNREACHABLE, message, Location().at(region.position))
-    # Of those with the same bound the nearest comes first.
-    distinct.sort(key=lambda q: (least_time(replace(problem, goal=q)), float(abs(q - start).max())))
+    start = problem.endpoints[0].joints
+    assert start is not None
+    for k, goal in enumerate(goals):
+        line = with_route(problem, np.array([start, goal]))
+        least = lower_bound(line).duration
+        is_last = plans.routes >= _MAX_ROUTES_IN_ALL and plans.best is not None
+        if is_last or plans.are_enough(least):
+            return
+        plans.refine_line(line)
+        yield
+        if k == 0 and len(goals) > 1 and plans.best is None:  # some may have no route
+            plans.search(problem, goals, 1, seed=seed, edges=edges)
+        if not plans.are_enough(least):
+            count = _MAX_ROUTES_EACH if k else MAX_ROUTES
+            plans.search(problem, goal[None], count, seed=seed, edges=edges)
+
+
+# ---- Configurations in which the motion may end: the given one, or those of a tool position or a
+# pose of the tool.
+
+_DRAWS = 100
+_MAX_GOALS = 8
+_DECIMALS = 9
+_REACHED = MARGIN_TOLERANCE / 2  # [m]
+_SAME = 0.1  # [rad or m] of every joint
+_AROUND = np.pi  # [rad or m] about the start: where configurations are drawn
+
+
+def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
+    """Return free configurations (G, n) for the goal, by the lower bound on motions to each.
+
+    Of the goal configuration, or where that is open of the tool's pose or position there, from many
+    seeds.
+
+    Raises:
+        Infeasible: No configuration is free (status tube_blocked), or the tool does not reach the
+            goal (status unreachable).
+    """
+    goal = problem.endpoints[1]
+    if goal.joints is not None:
+        require_free(problem, "goal", goal.joints)
+        return goal.joints[None]
+    if goal.pose is not None:
+        solutions = list(pose_configurations(problem, goal.pose, -1))
+        if goal.pose.seed is None:
+            seeds = _drawn(problem, start, seed)
+            others = reaching(problem.robot, goal.pose, seeds, *_range(problem), seeds)
+            solutions += [q for q in others if _is_new(q, solutions)]
+    else:
+        solutions = _reaching(problem, start, seed)
     free: list[FloatArray] = []
-    blocked: Infeasible | None = None
-    for q in distinct:
+    blocked = None
+    by_bound = sorted(
+        (lower_bound(replace(problem, goal=q)).duration, float(abs(q - start).max()), k)
+        for k, q in enumerate(solutions)
+    )
+    for *_, k in by_bound:
         try:
-            require_free(replace(problem, goal=q), "goal", q)
-            free.append(q)
+            if len(free) < _MAX_GOALS:
+                require_free(problem, "goal", solutions[k])
+                free.append(solutions[k])
         except Infeasible as reason:
             blocked = blocked or reason
-    if blocked is not None and not free:
+    if not free and blocked is not None:
         raise blocked
-    return np.array(free[:_MAX_GOALS])
+    return np.array(free)
 
 
-def reaching(
-    problem: PlanningProblem, near: FloatArray, lower: FloatArray, upper: FloatArray
-) -> Iterator[FloatArray]:
-    """Yield configurations (n,) within bounds with the tool at an open goal."""
-    goal, rotation = problem.open_goal, problem.rotation
-    assert goal is not None
-    last = problem.tube.segment_count - 1 + goal.bounds_rotation
-    for seed in [near, *spread_seeds(lower, upper)]:
-        target = wanted_at(problem, goal.position, last, seed)
-        solution = solve_position(problem.robot, goal.position, seed, lower, upper, rotation=target)
-        if solution.error > MARGIN_TOLERANCE / 2:
-            continue
+def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:
+    """Return different configurations (n,) with the tool at a goal's position.
+
+    Raises:
+        Infeasible: Status unreachable: there is none.
+    """
+    goal, rotation = problem.endpoints[1], problem.rotation
+    target, last = problem.tube.points[-1], problem.tube.segment_count - 1
+    if goal.region is not None:
+        target, last = goal.region.position, last + goal.region.bounds_rotation
+    seeds = _drawn(problem, start, seed) if goal.seed is None else goal.seed[None]
+    solutions: list[FloatArray] = []
+    least = np.inf
+    for near in seeds:
+        wanted = wanted_at(problem, target, last, near)
+        solution = solve_position(problem.robot, target, near, *_range(problem), rotation=wanted)
+        least = min(least, solution.error)
         if rotation is not None:
             matrix, tool = problem.robot.tool_pose(solution.q[None])
             if rotation.margin(matrix, tool, last)[0] < 0:
                 continue
-        yield solution.q
+        if solution.error <= _REACHED and _is_new(solution.q, solutions):
+            solutions.append(np.round(solution.q, _DECIMALS))
+    if not solutions:
+        message = (
+            f"no configuration was found for the goal: the tool stops {least:.4g} m short, from "
+            f"{len(seeds)} starts; move the goal nearer"
+        )
+        raise Infeasible(PlanStatus.UNREACHABLE, message, Location().at(target))
+    return solutions
+
+
+def _range(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
+    return problem.robot.limits.lower_position, problem.robot.limits.upper_position
+
+
+def _drawn(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
+    """Return the start (n,) and random configurations about it."""
+    lower, upper = _range(problem)
+    low, high = np.maximum(lower, start - _AROUND), np.minimum(upper, start + _AROUND)
+    drawn = np.random.default_rng(seed).uniform(low, high, (_DRAWS, len(start)))
+    return np.vstack([start, drawn])
+
+
+def _is_new(q: FloatArray, others: Sequence[FloatArray]) -> bool:
+    return all(abs(q - other).max() > _SAME for other in others)

@@ -17,11 +17,14 @@ from tubeplanner.first_guess.branches import (
     least_time,
     other_ends,
 )
-from tubeplanner.first_guess.pose_configurations import is_free
+from tubeplanner.first_guess.inverse_kinematics import solve_position
+from tubeplanner.first_guess.pose_configurations import is_free, spread_seeds
+from tubeplanner.first_guess.segment_walk import wanted_at
 from tubeplanner.optimizer.phased_spline import PhasedSpline
 from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.optimizer.tied_legs import TiedLegs
 from tubeplanner.outcome import (
+    MARGIN_TOLERANCE,
     Infeasible,
     Location,
     PlanningClock,
@@ -32,7 +35,6 @@ from tubeplanner.outcome import (
 )
 from tubeplanner.planning.attempts import attempted_plan
 from tubeplanner.planning.diagnosis import require_within_bound
-from tubeplanner.planning.free_plans import reaching
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.refined_plan import continued_plan
 from tubeplanner.planning.result import (
@@ -70,8 +72,14 @@ def fastest_leg(
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     require_within_bound(problem)
-    first, notes = configured_ends(problem)
-    others, count = other_ends(problem, first)
+    pose, others = problem.endpoints[1].pose, list[PlanningProblem]()
+    if problem.has_free_tool and pose is not None:
+        # No branch chooses among the goal's configurations: the search does.
+        first, notes = configured_ends(replace(problem, goal=GoalRegion(pose.position)))
+        first, count = replace(problem, start=first.start), 1
+    else:
+        first, notes = configured_ends(problem)
+        others, count = other_ends(problem, first)
     if not others:
         result = _shortest(first, options, clock, last)
         return LegPlan(first, replace(result, notes=(*notes, *result.notes)))
@@ -86,8 +94,6 @@ def fastest_leg(
             )
 
         first, *others = sorted((first, *others), key=away)
-    elif problem.has_free_tool:  # the nearest in time, as no branch is followed
-        first, *others = sorted((first, *others), key=least_time)
     quick = replace(options, persistent=False)
     results: list[PlanResult] = []
     best: LegPlan | None = None
@@ -221,7 +227,7 @@ def other_junctions(cycle: Cycle, k: int, junctions: list[FloatArray]) -> Iterat
     if (lower > upper).any():
         return
     distinct = [junctions[k]]
-    for q in reaching(before, junctions[k], lower, upper):
+    for q in _reaching(before, junctions[k], lower, upper):
         if all(abs(q - other).max() > _SAME for other in distinct):
             distinct.append(q)
     others = sorted(distinct[1:], key=lambda q: float(abs(q - junctions[k - 1]).max()))
@@ -232,6 +238,25 @@ def other_junctions(cycle: Cycle, k: int, junctions: list[FloatArray]) -> Iterat
             continue
         if is_free(problem, "start", q) and is_continued(problem):
             yield q
+
+
+def _reaching(
+    problem: PlanningProblem, near: FloatArray, lower: FloatArray, upper: FloatArray
+) -> Iterator[FloatArray]:
+    """Yield configurations (n,) within bounds with the tool at an open goal."""
+    goal, rotation = problem.open_goal, problem.rotation
+    assert goal is not None
+    last = problem.tube.segment_count - 1 + goal.bounds_rotation
+    for seed in [near, *spread_seeds(lower, upper)]:
+        target = wanted_at(problem, goal.position, last, seed)
+        solution = solve_position(problem.robot, goal.position, seed, lower, upper, rotation=target)
+        if solution.error > MARGIN_TOLERANCE / 2:
+            continue
+        if rotation is not None:
+            matrix, tool = problem.robot.tool_pose(solution.q[None])
+            if rotation.margin(matrix, tool, last)[0] < 0:
+                continue
+        yield solution.q
 
 
 # ---- Moves planned alone, one after the other, each from where the last one ended.

@@ -91,7 +91,12 @@ class RoutePlans:
         self._offer(problem, certified_result(problem, trajectory, STOP_AT_CORNERS, self._clock))
 
     def refine_line(self, problem: PlanningProblem) -> None:
-        """Plan by refinement of the straight line in joint space; raises as `stop_at_corners`."""
+        """Plan by refinement of the straight line in joint space; raises as `stop_at_corners`.
+
+        Nothing is planned by method "stop-at-corners"; likewise in `refine`.
+        """
+        if self._method == STOP_AT_CORNERS:
+            return
         line = _branch(_route(problem)[[0, -1]])
         spline = starting_spline(problem, line, _LINE_INTERVALS)
         parts = max(self._knots // (_LINE_INTERVALS * _LINE_PARTS), _MIN_PARTS)
@@ -99,6 +104,8 @@ class RoutePlans:
 
     def refine(self, problem: PlanningProblem) -> None:
         """Plan by refinement of a problem's route; raises as `stop_at_corners`."""
+        if self._method == STOP_AT_CORNERS:
+            return
         spline = free_start(problem, _branch(_route(problem)))
         parts = max(round(self._knots / spline.grid.interval_count), _MIN_PARTS)
         self._refine(problem, spline, (parts,), is_cautious=True)
@@ -126,10 +133,10 @@ class RoutePlans:
             with self._clock.within(f"route {self.routes}"):
                 if self.best is None:
                     self.stop_at_corners(along)
-                if self._method != STOP_AT_CORNERS:
-                    self.refine(along)
+                self.refine(along)
             in_vain = in_vain + 1 if self.duration > (1 - _GAIN) * before else 0
-            if self.are_enough(lower_bound(along).duration) or in_vain == _MAX_IN_VAIN:
+            is_last = self._method == STOP_AT_CORNERS or in_vain == _MAX_IN_VAIN
+            if is_last or self.are_enough(lower_bound(along).duration):
                 break
             self._clock.enter("searching for a route")
         self.edges += search.edges
@@ -216,8 +223,6 @@ def route_plan(problem: PlanningProblem, options: PlanOptions, clock: PlanningCl
         plans.stop_at_corners,
         plans.refine,
     )
-    if options.method == STOP_AT_CORNERS:
-        attempts = (plans.stop_at_corners,)
 
     def work() -> None:
         for attempt in attempts:

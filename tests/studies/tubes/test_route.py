@@ -14,7 +14,7 @@ from tubeplanner.first_guess.joint_routes import FreeSpace, RouteSearch
 from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.orientation import quaternion_of_matrix
 from tubeplanner.outcome import TimeLimitReached
-from tubeplanner.studies.tubes.route import goal_configurations
+from tubeplanner.planning.free_plans import goal_configurations
 from tubeplanner.studies.tubes.routes import reference_tube, tool_corners
 
 GAP = "example:two_link/through_the_gap"

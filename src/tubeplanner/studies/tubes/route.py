@@ -1,6 +1,6 @@
 """Find_route: the fastest motion from start, goal and obstacles alone, and its joint route."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
@@ -12,9 +12,7 @@ from tubeplanner.certificate.refusal import require_free
 from tubeplanner.checks import checked_options, require_between, require_count
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.branches import configured_ends
-from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.joint_routes import FreeSpace, RouteSearch
-from tubeplanner.first_guess.pose_configurations import pose_configurations, reaching
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.outcome import (
@@ -27,8 +25,9 @@ from tubeplanner.outcome import (
     require_callback,
     until_stopped,
 )
+from tubeplanner.planning.free_plans import goal_configurations, search_plans
 from tubeplanner.planning.options import PlanOptions
-from tubeplanner.planning.route_plans import EDGES, MAX_ROUTES, SEED, RoutePlans, with_route
+from tubeplanner.planning.route_plans import EDGES, SEED, RoutePlans
 from tubeplanner.studies.tubes.planned_tube import (
     PlannedTube,
     TubeAnswer,
@@ -50,8 +49,6 @@ from tubeplanner.task.problem import PlanningProblem
 # goes into a problem file, of which `plan` makes that motion.
 
 _STEPS = 3  # the joint line, routes, the motion that is written and a measured tube
-# Routes to each of several goals but the first, and in all.
-_MAX_ROUTES_EACH, _MAX_ROUTES_IN_ALL = 2, 8
 # A tube is measured about a motion with so much room [m], else about as many routes.
 _ROOM, _MAX_MEASURED = (0.03, 0.01), 2
 
@@ -195,18 +192,10 @@ class _RouteFinder:
         require_free(begun, "start", start)
         self._problem = replace(self._problem, start=start)
         goals = goal_configurations(self._problem, start, self._options.seed)
-        self.plans.refine_line(with_route(self._problem, np.array([start, goals[0]])))
-        self.step = 2
-        if len(goals) > 1 and self.plans.best is None:
-            self._search(goals, 1)
-        for k, goal in enumerate(goals):
-            is_last = self.plans.routes >= _MAX_ROUTES_IN_ALL and self.plans.best is not None
-            least = lower_bound(replace(self._problem, goal=goal)).duration
-            if is_last or self.plans.are_enough(least):
-                break
-            if k:
-                self.plans.refine_line(with_route(self._problem, np.array([start, goal])))
-            self._search(goal[None], _MAX_ROUTES_EACH if k else MAX_ROUTES)
+        for _ in search_plans(
+            self.plans, self._problem, goals, self._options.seed, self._options.edges
+        ):
+            self.step = 2
         self.step = 3
         if self._options.measures and self.plans.best is not None:
             self._measure()
@@ -258,10 +247,6 @@ class _RouteFinder:
         for route in routes:
             yield route, None
 
-    def _search(self, goals: FloatArray, count: int) -> None:
-        options = self._options
-        self.plans.search(self._problem, goals, count, seed=options.seed, edges=options.edges)
-
 
 def free_problem(problem: PlanningProblem, route: FloatArray | None = None) -> PlanningProblem:
     """Return a problem with the tool free from start to goal, and a route (P, n).
@@ -277,95 +262,3 @@ def free_problem(problem: PlanningProblem, route: FloatArray | None = None) -> P
     speeds = set() if tube.tool_speed is None else set(tube.tool_speed.tolist())
     speed = speeds.pop() if len(speeds) == 1 else None
     return problem.with_tube(Tube.anywhere(*ends, route=route, tool_speed=speed))
-
-
-# ---- Configurations in which the motion may end: the given one, or those of a tool position or a
-# pose of the tool.
-
-_DRAWS = 100
-_MAX_GOALS = 8
-_DECIMALS = 6
-_REACHED = 1e-6  # [m]
-_SAME = 0.1  # [rad or m] of every joint
-_AROUND = np.pi  # [rad or m] about the start: where configurations are drawn
-
-
-def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
-    """Return free configurations (G, n) for the goal, by the lower bound on motions to each.
-
-    Of the goal configuration, or where that is open of the tool's pose or position there, from many
-    seeds.
-
-    Raises:
-        Infeasible: No configuration is free (status tube_blocked), or the tool does not reach the
-            goal (status unreachable).
-    """
-    goal = problem.endpoints[1]
-    if goal.joints is not None:
-        require_free(problem, "goal", goal.joints)
-        return goal.joints[None]
-    if goal.pose is not None:
-        solutions = list(pose_configurations(problem, goal.pose, -1))
-        if goal.pose.seed is None:
-            seeds = _drawn(problem, start, seed)
-            others = reaching(problem.robot, goal.pose, seeds, *_range(problem), seeds)
-            solutions += [q for q in others if _is_new(q, solutions)]
-    else:
-        solutions = _reaching(problem, start, seed)
-    free: list[FloatArray] = []
-    blocked = None
-    by_bound = sorted(
-        (lower_bound(replace(problem, goal=q)).duration, float(abs(q - start).max()), k)
-        for k, q in enumerate(solutions)
-    )
-    for *_, k in by_bound:
-        try:
-            if len(free) < _MAX_GOALS:
-                require_free(problem, "goal", solutions[k])
-                free.append(solutions[k])
-        except Infeasible as reason:
-            blocked = blocked or reason
-    if not free and blocked is not None:
-        raise blocked
-    return np.array(free)
-
-
-def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:
-    """Return different configurations (n,) with the tool at a goal's position.
-
-    Raises:
-        Infeasible: Status unreachable: there is none.
-    """
-    goal = problem.endpoints[1]
-    target = problem.tube.points[-1] if goal.region is None else goal.region.position
-    seeds = _drawn(problem, start, seed) if goal.seed is None else goal.seed[None]
-    solutions: list[FloatArray] = []
-    least = np.inf
-    for near in seeds:
-        solution = solve_position(problem.robot, target, near, *_range(problem))
-        least = min(least, solution.error)
-        if solution.error <= _REACHED and _is_new(solution.q, solutions):
-            solutions.append(np.round(solution.q, _DECIMALS))
-    if not solutions:
-        message = (
-            f"no configuration was found for the goal: the tool stops {least:.4g} m short, from "
-            f"{len(seeds)} starts; move the goal nearer"
-        )
-        raise Infeasible(PlanStatus.UNREACHABLE, message, Location().at(target))
-    return solutions
-
-
-def _range(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
-    return problem.robot.limits.lower_position, problem.robot.limits.upper_position
-
-
-def _drawn(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
-    """Return the start (n,) and random configurations about it."""
-    lower, upper = _range(problem)
-    low, high = np.maximum(lower, start - _AROUND), np.minimum(upper, start + _AROUND)
-    drawn = np.random.default_rng(seed).uniform(low, high, (_DRAWS, len(start)))
-    return np.vstack([start, drawn])
-
-
-def _is_new(q: FloatArray, others: Sequence[FloatArray]) -> bool:
-    return all(abs(q - other).max() > _SAME for other in others)
