@@ -31,8 +31,14 @@ moves:
   - {event: gripper, set: close, dwell: 0.05}
   - {name: down, tube: {points: [[0.45, 0.1, 0], [0.45, -0.3, 0]], radius: 0.05}}
 """
+SCENE = """world:
+  collision_objects:
+    - id: post
+      primitives: [{type: box, dimensions: [0.05, 0.05, 0.4]}]
+      primitive_poses: [{position: [0.2, 0.4, 0.0]}]
+"""
 MOTION, TRAIL = "motion.json", "trail.csv"  # what commands read
-TEXTS = {"study.yaml": STUDY, "cycle.yaml": CYCLE}  # likewise
+TEXTS = {"study.yaml": STUDY, "cycle.yaml": CYCLE, "scene.yaml": SCENE}  # likewise
 _EXECUTOR = "workers_of"  # of a command whose answers come from other processes
 
 
@@ -112,6 +118,10 @@ teach:
   - teach {inputs}/TRAIL --problem PROBLEM --samples 200 -o OUT/a.yaml
   - a.yaml
   - cli.tubes:teach_tube
+import:
+  - import {inputs}/scene.yaml --problem PROBLEM -o OUT/a.yaml
+  - a.yaml
+  - cli.init:imported_problem
 init: [init example:two_link -o OUT/a.yaml, a.yaml, cli.init:starter_problem]
 reproduce:
   - reproduce -o OUT/all
