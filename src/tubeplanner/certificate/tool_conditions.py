@@ -45,6 +45,8 @@ from tubeplanner.trajectory.polynomials import halves
 
 def judge_tube(motion: JudgedMotion) -> JudgedCondition:
     """Judge the tool's position in the tube, segment by segment or in their union."""
+    if motion.tube.is_anywhere:
+        return not_required("m", "the tool's position is free")
     least = least_margin(motion.tube, motion.tool, motion.visits)
     location = motion.location_in_segment(least.segment, least.time)
     return bracketed(least.lower_bound, least.attained, "m", location)

@@ -160,6 +160,8 @@ def segments_per_group(count: int) -> int:
 
 def size_of(tube: Tube, k: int) -> str:
     """Return the text of the effective size of a segment: its radius, or its box's sides."""
+    if tube.is_anywhere:
+        return "free"
     if tube.cross_section is None or not tube.is_box[k]:
         return f"{1000 * tube.effective_radius[k]:.3g} mm"
     width, height = 1000 * (tube.cross_section[k, :2] - 2 * tube.tool_radius)

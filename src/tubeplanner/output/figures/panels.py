@@ -56,7 +56,8 @@ def time_panels(runs: Sequence[TrajectoryCurves]) -> list[DrawPanel]:
     rates = [own.pop(kind) for kind in RATES if kind in own]
     points: list[DrawPanel] = [draw_points] if limits.point_speed else []
     panels: list[DrawPanel] = [draw_positions, draw_velocities, *rates, draw_efforts, *own.values()]
-    return [*panels, draw_speed, *points, draw_tube_use]
+    are_free = all(run.problem.tube.is_anywhere and run.rotation_use is None for run in runs)
+    return [*panels, draw_speed, *points, *([] if are_free else [draw_tube_use])]
 
 
 def line_style(number: int) -> dict[str, Any]:
