@@ -284,6 +284,22 @@ def test_the_moves_and_rests_of_a_cycle_add_up():
     assert rests + steps[0].max() < part < known.duration < motion.trajectory.duration
 
 
+def test_a_move_after_a_ball_may_begin_anywhere_in_it():
+    """The tool need not be at the first point of its tube, so that joint ranges alone count."""
+    motion = planned_cycle().motion
+    a, b, c = (q.tolist() for q in motion.junctions[:3])
+    limits = {"robot__limits__velocity": 1.0, "start": {"joints": a}}
+    tool = motion.task.robot.tool_position(np.array(b)).tolist()
+    ends = {"moves__beside__goal": {"joints": c}}
+    ball = {"moves__over__goal": {"position": tool, "tolerance": 0.08}}
+    point, wide = (small_cycle(**limits, **ends, **goal) for goal in ({}, ball))
+    legs = [wide.problem_from_anywhere(k) for k in range(3)]
+    moves = [lower_bound(legs[0]), slowest_joint(replace(legs[1], goal=np.array(c)))]
+    known = abs(np.subtract(a, c)).max() + 0.05 + 0.06 + 0.1
+    assert lower_bound(wide).duration == pytest.approx(known + sum(m.duration for m in moves))
+    assert lower_bound(point).duration > lower_bound(wide).duration + 0.01
+
+
 # --- the tool through the tube -------------------------------------------------------------------
 
 ARM = load_robot("example:ur5", "tool0")

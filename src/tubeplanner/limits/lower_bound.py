@@ -75,7 +75,7 @@ def lower_bound(task: Task) -> LowerBound:
     junctions = [problems[0].start, *(each.goal for each in problems)]
     if task.closed and not isinstance(junctions[-1], np.ndarray):
         junctions[-1] = junctions[0]
-    duration = task.after.duration
+    duration, before = task.after.duration, None
     for leg, problem, (start, goal) in zip(task.legs, problems, pairwise(junctions), strict=True):
         with suppress(ProblemError):  # a leg that cannot begin or end there has no motion
             problem = replace(
@@ -83,8 +83,17 @@ def lower_bound(task: Task) -> LowerBound:
                 start=start if isinstance(start, np.ndarray) else problem.start,
                 goal=goal if isinstance(goal, np.ndarray) else problem.goal,
             )
-        duration += leg.before.duration + _of_problem(problem).duration
+        is_known = before is None or isinstance(start, np.ndarray) or _begins_in(before, problem)
+        part = _of_problem(problem) if is_known else slowest_joint(problem)
+        duration += leg.before.duration + part.duration
+        before = problem
     return LowerBound(duration, "its moves and rests, one after the other")
+
+
+def _begins_in(before: PlanningProblem, after: PlanningProblem) -> bool:
+    """Return True if the tool is at the end of one leg where the bound of the next assumes it."""
+    (end, radius), (begin, most) = end_ball(before, -1), end_ball(after, 0)
+    return float(np.linalg.norm(end - begin)) + radius <= most + MIN_LENGTH
 
 
 def _of_problem(problem: PlanningProblem) -> LowerBound:
