@@ -115,7 +115,8 @@ def unpacked(folder: Path, stack: ExitStack) -> Path:
         raise SystemExit(f"{archive} is missing: FOLDER is the folder `resources` of vamp")
     target = Path(stack.enter_context(tempfile.TemporaryDirectory()))
     with tarfile.open(archive) as content:
-        content.extractall(target, filter="data")
+        content.extraction_filter = getattr(tarfile, "data_filter", None)  # Python 3.11.4 or later
+        content.extractall(target)
     return target / "problems" if (target / "problems").is_dir() else target
 
 

@@ -87,9 +87,9 @@ def test_of_an_open_goal_a_free_configuration_is_chosen_and_the_next_move_begins
 def test_a_refusal_names_the_move_and_where_the_search_ended(monkeypatch):
     monkeypatch.setattr(free_plans, "EDGES", 20)
     walls = [
-        {"name": "left", "box": [3.0, 0.02, 4.0], "position": [1.8, 0, 0]},
-        {"name": "right", "box": [3.0, 0.02, 4.0], "position": [-1.8, 0, 0]},
-        {"name": "ceiling", "box": [3.0, 3.0, 0.02], "position": [0, 0, 0.62]},
+        {"name": "left", "box": [3.0, 0.02, 4.0], "position": [1.76, 0, 0]},
+        {"name": "right", "box": [3.0, 0.02, 4.0], "position": [-1.76, 0, 0]},
+        {"name": "ceiling", "box": [3.0, 3.0, 0.02], "position": [0, 0, 0.59]},
     ]
     result = plan_cycle(parse_cycle(with_(obstacles=walls)), SHORTEST)
     assert (result.status, result.location.move) == (PlanStatus.NO_TRAJECTORY, "over")
