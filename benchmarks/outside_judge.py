@@ -3,8 +3,8 @@
     python benchmarks/outside_judge.py PROBLEM.yaml TRAJECTORY.json [--json] [--tolerance 1e-5]
 
 PROBLEM.yaml may be a cycle, of which every leg and every seam is judged. Nothing of tubeplanner is
-imported: the problem file, the trajectory, the URDF and the meshes are
-read anew, the links' true triangles take the place of convex covers. 5,000 uniform samples and both
+imported: the problem file, the trajectory, the URDF and the meshes are read anew (OBJ files by
+trimesh), the links' true triangles take the place of convex covers. 5,000 uniform samples and both
 sides of every breakpoint are looked at, with steps near a limit divided by 20. Exit status: 0 it
 passes, 1 it fails, 2 the files cannot be judged; a field that is not known here is refused by name.
 """

@@ -4,11 +4,13 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import coal
 import numpy as np
 import pinocchio as pin
+import trimesh
 
 from outside.files import (
     BadInput,
@@ -252,23 +254,41 @@ def solid_geometry(fields: dict[str, Any], folder: Any, folders: list[Any]) -> t
         raise BadInput(f"'{fields['name']}' must be one of box, sphere, cylinder, capsule, mesh")
     sizes = fields[kinds[0]]
     if isinstance(sizes, dict):
-        geometry = coal.BVHModelOBBRSS()
         triangles = np.array(sizes["triangles"], dtype=np.int64).reshape(-1, 3)
         corners = np.array(sizes["vertices"], dtype=float).reshape(-1, 3)
-        geometry.beginModel(len(triangles), len(corners))
-        for triangle in corners[triangles] * float(fields.get("scale", 1.0)):
-            geometry.addTriangle(*triangle)
-        geometry.endModel()
+        geometry = _mesh(corners[triangles] * float(fields.get("scale", 1.0)))
     elif kinds[0] == "mesh":
         path = find_file(sizes, folder, folders)
         scale = np.full(3, float(fields.get("scale", 1.0)))
-        geometry = coal.MeshLoader(coal.BV_OBBRSS).load(str(path), scale)
+        geometry = _read_mesh(path, scale)
     else:
         make = {"box": coal.Box, "sphere": coal.Sphere}
         make |= {"cylinder": coal.Cylinder, "capsule": coal.Capsule}
         values = sizes if isinstance(sizes, list) else [sizes]
         geometry = make[kinds[0]](*map(float, values))
     return geometry, placement_of(fields)
+
+
+def _read_mesh(path: Path, scale: np.ndarray) -> Any:
+    """Return the mesh of a file.
+
+    coal's reader mixes up the corners of triangles where an OBJ file has several materials (seen in
+    coal 3: of 1,308 triangles of a Panda's link6.obj with 17 materials, 1,089 were others).
+    """
+    if path.suffix.lower() == ".obj":
+        loaded = trimesh.load(path, force="mesh", process=False)
+        return _mesh(loaded.vertices[loaded.faces] * scale)
+    return coal.MeshLoader(coal.BV_OBBRSS).load(str(path), scale)
+
+
+def _mesh(triangles: np.ndarray) -> Any:
+    """Return the mesh of some triangles (T, 3, 3) [m]."""
+    geometry = coal.BVHModelOBBRSS()
+    geometry.beginModel(len(triangles), 3 * len(triangles))
+    for triangle in triangles:
+        geometry.addTriangle(*triangle)
+    geometry.endModel()
+    return geometry
 
 
 def placed(owner: str, kind: str, joint: int, placement: pin.SE3, geometry: Any) -> Solid:
@@ -416,6 +436,9 @@ def _model(
     for name, index in zip(outside, ids, strict=True):
         values[full.joints[index].idx_q] = _locked(description, name, group, given)
     model, geometries = pin.buildReducedModel(full, geometries, ids, values)
+    for item in geometries.geometryObjects:
+        if item.meshPath.lower().endswith(".obj"):
+            item.geometry = _read_mesh(Path(item.meshPath), item.meshScale)
     gravity = fields.get("gravity") or [0.0, 0.0, -9.81]
     model.gravity = pin.Motion(np.array(gravity, dtype=float), np.zeros(3))
     solids = [

@@ -780,6 +780,25 @@ def test_a_mesh_that_is_not_closed_encloses_what_it_would_closed(tmp_path, kind)
         assert is_inside(at, (block, np.eye(3), np.zeros(3))) == inside
 
 
+def test_an_obj_file_with_several_materials_keeps_its_triangles(tmp_path):
+    block = trimesh.creation.icosphere(1)
+    lines = [f"v {x} {y} {z}" for x, y, z in block.vertices]
+    for k, face in enumerate(block.faces + 1):
+        lines += [f"usemtl paint{k * 7 % 5}", "f {} {} {}".format(*face)]
+    (tmp_path / "ball.obj").write_text("\n".join(lines))
+    geometry, _ = solid_geometry({"name": "ball", "mesh": "ball.obj", "scale": 2}, tmp_path, [])
+    corners = np.array(geometry.vertices())
+    indices = [geometry.tri_indices(k) for k in range(geometry.num_tris)]
+    triangles = np.array([[corners[int(row[k])] for k in range(3)] for row in indices])
+
+    def ordered(each):
+        middle = each.mean(axis=1)
+        return middle[np.lexsort(middle.round(6).T)]
+
+    expected = 2 * block.vertices[block.faces]
+    np.testing.assert_allclose(ordered(triangles), ordered(expected), atol=1e-6)
+
+
 def test_links_of_primitives_meet(tmp_path):
     box, middle = '<box size="0.2 0.04 0.04"/>', '<origin xyz="0.15 0 0"/>'
     wide = '<limit lower="-3.1" upper="3.1" effort="100" velocity="50"/>'

@@ -85,7 +85,7 @@ def search_plans(
 # ---- Configurations in which the motion may end: the given one, or those of a tool position or a
 # pose of the tool.
 
-_DRAWS = 100
+_DRAWS, _MORE_DRAWS = 100, 1000  # more where no configuration is free
 _MAX_GOALS = 8
 _DECIMALS = 9
 _REACHED = MARGIN_TOLERANCE / 2  # [m]
@@ -107,14 +107,23 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
     if goal.joints is not None:
         require_free(problem, "goal", goal.joints)
         return goal.joints[None]
+    try:
+        return _free_by_bound(problem, start, _drawn(problem, start, seed, _DRAWS))
+    except Infeasible:
+        more = _drawn(problem, start, seed, _MORE_DRAWS)
+    return _free_by_bound(problem, start, more)
+
+
+def _free_by_bound(problem: PlanningProblem, start: FloatArray, seeds: FloatArray) -> FloatArray:
+    """Return free configurations (G, n) of a goal's pose or position, from seeds (s, n)."""
+    goal = problem.endpoints[1]
     if goal.pose is not None:
         solutions = list(pose_configurations(problem, goal.pose, -1))
         if goal.pose.seed is None:
-            seeds = _drawn(problem, start, seed)
             others = reaching(problem.robot, goal.pose, seeds, *_range(problem), seeds)
             solutions += [q for q in others if _is_new(q, solutions)]
     else:
-        solutions = _reaching(problem, start, seed)
+        solutions = _reaching(problem, seeds if goal.seed is None else goal.seed[None])
     free: list[FloatArray] = []
     blocked = None
     by_bound = sorted(
@@ -133,8 +142,8 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
     return np.array(free)
 
 
-def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:
-    """Return different configurations (n,) with the tool at a goal's position.
+def _reaching(problem: PlanningProblem, seeds: FloatArray) -> list[FloatArray]:
+    """Return different configurations (n,) with the tool at a goal's position, from seeds (s, n).
 
     Raises:
         Infeasible: Status unreachable: there is none.
@@ -143,7 +152,6 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
     target, last = problem.tube.points[-1], problem.tube.segment_count - 1
     if goal.region is not None:
         target, last = goal.region.position, last + goal.region.bounds_rotation
-    seeds = _drawn(problem, start, seed) if goal.seed is None else goal.seed[None]
     solutions: list[FloatArray] = []
     least = np.inf
     for near in seeds:
@@ -169,11 +177,11 @@ def _range(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
     return problem.robot.limits.lower_position, problem.robot.limits.upper_position
 
 
-def _drawn(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
-    """Return the start (n,) and random configurations about it."""
+def _drawn(problem: PlanningProblem, start: FloatArray, seed: int, count: int) -> FloatArray:
+    """Return the start (n,) and a number of random configurations about it."""
     lower, upper = _range(problem)
     low, high = np.maximum(lower, start - _AROUND), np.minimum(upper, start + _AROUND)
-    drawn = np.random.default_rng(seed).uniform(low, high, (_DRAWS, len(start)))
+    drawn = np.random.default_rng(seed).uniform(low, high, (count, len(start)))
     return np.vstack([start, drawn])
 
 
