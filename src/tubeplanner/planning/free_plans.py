@@ -23,7 +23,6 @@ from tubeplanner.outcome import (
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult, refused_result
 from tubeplanner.planning.route_plans import EDGES, MAX_ROUTES, SEED, RoutePlans, with_route
-from tubeplanner.planning.waypoint_plans import resting_plan
 from tubeplanner.task.problem import PlanningProblem
 
 # Routes to each of several goals but the first, and in all.
@@ -34,23 +33,19 @@ def free_plan(problem: PlanningProblem, options: PlanOptions, clock: PlanningClo
     """Return the fastest plan that `search_plans` finds; after Ctrl-C or the time limit, so far."""
     plans = RoutePlans(options, clock)
 
-    def work() -> PlanResult | None:
+    def work() -> None:
         start = end_configuration(problem, problem.endpoints[0], 0)
         begun = replace(problem, start=start)
         require_free(begun, "start", start, is_given=problem.endpoints[0].joints is not None)
         goals = goal_configurations(begun, start, SEED)
-        nearest = replace(begun, goal=goals[0])
-        rest = resting_plan(nearest, np.array([start, goals[0]]), options.method, clock)
-        if rest is None:
-            for _ in search_plans(plans, begun, goals, SEED, EDGES):
-                clock.check()
-        return rest
+        for _ in search_plans(plans, begun, goals, SEED, EDGES):
+            clock.check()
 
     try:
-        rest, stopped_by = until_stopped(work)
+        _, stopped_by = until_stopped(work)
     except Infeasible as reason:
         return plans.best or refused_result(reason, options.method)
-    return rest or plans.result(stopped_by)
+    return plans.result(stopped_by)
 
 
 def search_plans(
@@ -58,8 +53,9 @@ def search_plans(
 ) -> Iterator[None]:
     """Plan from a start configuration to goals (G, n), by their bounds; yield before each search.
 
-    First the straight line in joint space is refined. Where it is not nearly as fast as the lower
-    bound, routes are searched for. The seed and the number of edges are those of all searches.
+    An arm that may end where it begins rests. Else the straight line in joint space is refined.
+    Where it is not nearly as fast as the lower bound, routes are searched for. The seed and the
+    number of edges are those of all searches.
 
     Raises:
         Infeasible: Status no_trajectory: no route was found.
@@ -67,6 +63,8 @@ def search_plans(
     """
     start = problem.endpoints[0].joints
     assert start is not None
+    if plans.rest(with_route(problem, np.array([start, goals[0]]))):
+        return
     for k, goal in enumerate(goals):
         line = with_route(problem, np.array([start, goal]))
         least = lower_bound(line).duration

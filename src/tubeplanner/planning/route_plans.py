@@ -38,6 +38,7 @@ from tubeplanner.planning.result import (
     refused_result,
     stopped_result,
 )
+from tubeplanner.planning.waypoint_plans import resting_plan
 from tubeplanner.task.problem import PlanningProblem
 
 # A motion that takes no longer than this multiple of a lower bound ends the attempts.
@@ -78,6 +79,13 @@ class RoutePlans:
         self.durations: list[float | None] = []
         self.routes = self.edges = 0
         self.first_time: float | None = None
+
+    def rest(self, problem: PlanningProblem) -> bool:
+        """Plan a rest and return True if a problem's route ends where it begins."""
+        result = resting_plan(problem, _route(problem)[[0, -1]], self._method, self._clock)
+        if result is not None:
+            self._offer(problem, result)
+        return result is not None
 
     def stop_at_corners(self, problem: PlanningProblem) -> None:
         """Plan a stop at each corner of a problem's route.

@@ -257,3 +257,10 @@ def test_of_the_configurations_of_a_pose_the_one_with_the_least_bound_comes_firs
     assert answer.succeeded
     np.testing.assert_allclose(answer.answer.problem.goal, joints, atol=1e-6)
     assert answer.answer.result.bound.duration <= least[0]
+
+
+def test_a_goal_where_the_arm_begins_is_a_rest():
+    problem = load_problem("example:two_link/through_the_gap", reads_tube=False)
+    answer = find_route(replace(problem, goal=problem.start))
+    assert answer.succeeded, answer.message
+    assert "nothing to do" in " ".join(answer.answer.result.notes)
