@@ -17,6 +17,7 @@ from typing import (
     TypeAlias,
     TypeVar,
     Union,
+    cast,
     get_args,
     get_origin,
 )
@@ -116,8 +117,8 @@ def declared(default: Any, description: str, kind: Any = None, **more: Any) -> A
 
 def documented(kind: type[_Kind]) -> type[_Kind]:
     """Decorate a dataclass: its docstring has the descriptions of its fields."""
-    fields = vars(kind)["__dataclass_fields__"].items()
-    rows = [f"\n    {name}: {field.metadata['description']}." for name, field in fields]
+    fields: Any = dataclasses.fields(cast(Any, kind))
+    rows = [f"\n    {field.name}: {field.metadata['description']}." for field in fields]
     kind.__doc__ = f"{inspect.cleandoc(kind.__doc__ or '')}\n\nAttributes:{''.join(rows)}"
     return kind
 
@@ -130,7 +131,7 @@ def section_of(kind: Any, *order: str) -> Callable[[type[_Section]], type[_Secti
         *order: Names of the fields in the section's order; none: the dataclass' order.
     """
     fields: dict[str, Any] = {}
-    for name in order or kind.__dataclass_fields__:
+    for name in order or [field.name for field in dataclasses.fields(kind)]:
         own = kind.__dataclass_fields__[name]
         values = own.metadata
         field = Field(values["default"], description=values["description"])

@@ -245,6 +245,8 @@ class LimitKey:
     segment: int | None = None  # index of the segment; None: a joint's or the goal's
     link: str | None = None  # name of the link with the limited point; None: none
     point: int | None = None  # index among the limited points
+    contact: int | None = None  # index among the problem's holdings
+    parameter: str | None = None  # of the contact: "force", "friction", "foot", "tilt", ...
 
 
 class SpeedLimit(Protocol):

@@ -6,7 +6,7 @@ multiplier and offset, the body's origin in the parent, the joint's axis in the 
 parent, and the three matrices of its rotation (Rodrigues).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from ctypes import c_int, c_int64
 from dataclasses import dataclass
 from functools import cached_property
@@ -52,6 +52,11 @@ class ModelJoints:
         if self._has_followers:
             values = values * self.multiplier
         return np.ascontiguousarray(values, dtype=np.float64)
+
+    @property
+    def state_maps(self) -> tuple[Callable[[FloatArray], FloatArray], ...]:
+        """Functions of positions, velocities and accelerations: the group's to all joints'."""
+        return self.positions, self.rates, self.rates
 
     def collected(self, columns: FloatArray) -> FloatArray:
         """Return sums of columns (..., M) by planned joint, times multipliers, (..., n)."""
@@ -203,6 +208,34 @@ def frame_velocities(
     return velocity, joints.collected(change), joints.collected(linear)
 
 
+def frame_motion_derivatives(
+    model: pin.Model,
+    data: pin.Data,
+    joints: ModelJoints,
+    frame: int,
+    states: tuple[FloatArray, FloatArray, FloatArray],
+) -> FloatArray:
+    """Return the derivatives of a frame's motion by the states, shape (3, N, 9, n).
+
+    The states are positions, velocities and accelerations, (N, n) each; the motion is that of
+    `ToolChain.motions`. The model's data are written to.
+    """
+    by = np.empty((3, len(states[0]), 9, model.nv))
+    rows = zip(*(of(x) for of, x in zip(joints.state_maps, states, strict=True)), strict=True)
+    for i, (q, v, a) in enumerate(rows):
+        pin.computeForwardKinematicsDerivatives(model, data, q, v, a)
+        parts = pin.getFrameAccelerationDerivatives(model, data, frame, pin.LOCAL)
+        spin_by_q, by_q, by_v, by_a = (part.reshape(6, model.nv) for part in parts)
+        velocity = pin.getFrameVelocity(model, data, frame, pin.LOCAL)
+        # The classical acceleration is the spatial one and w x v.
+        turning, moving = pin.skew(velocity.angular), pin.skew(velocity.linear)
+        for block, spatial, rate in ((by[0, i], by_q, spin_by_q), (by[1, i], by_v, by_a)):
+            block[:3] = spatial[:3] + turning @ rate[:3] - moving @ rate[3:]
+            block[3:6], block[6:] = rate[3:], spatial[3:]
+        by[2, i, :3], by[2, i, 3:6], by[2, i, 6:] = by_a[:3], 0.0, by_a[3:]
+    return joints.collected(by)
+
+
 # ---- The tool centre point of an arm and its Jacobian, in many configurations.
 
 # From this number of configurations on, arrays are quicker than a Pinocchio call for each.
@@ -261,6 +294,35 @@ class ToolChain:
             rotation[i], position[i] = placement.rotation, placement.translation
         return rotation, position, self.joints.collected(jacobian)
 
+    def motions(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the tool's acceleration, angular velocity and acceleration, in tool axes: (N, 9).
+
+        The acceleration is the tool centre point's, gravity not counted; q, v and a are (N, n).
+        """
+        positions, rates, changes = (
+            of(x) for of, x in zip(self.joints.state_maps, (q, v, a), strict=True)
+        )
+        rotation, position = self.chain.poses(positions)
+        tool_rotation, tool = self._of_bodies(rotation, position)
+        spin, spin_rate, acceleration = np.zeros((3, len(q), 3))
+        before = np.zeros((len(q), 3))
+        moving = np.flatnonzero(self.carries[self.model.frames[self.frame].parentJoint])
+        for joint in moving.tolist():
+            body = joint + 1
+            link = position[:, body] - before
+            acceleration = acceleration + _carried(spin, spin_rate, link)
+            axis = rotation[:, body] @ self.chain.axes[joint]
+            rate, change = axis * rates[:, joint, None], axis * changes[:, joint, None]
+            if self.joints.is_revolute[joint]:
+                spin_rate = spin_rate + change + cross_product(spin, rate)
+                spin = spin + rate
+            else:
+                acceleration = acceleration + change + 2 * cross_product(spin, rate)
+            before = position[:, body]
+        acceleration = acceleration + _carried(spin, spin_rate, tool - before)
+        columns = np.stack([acceleration, spin, spin_rate], axis=1)
+        return (columns @ tool_rotation).reshape(len(q), 9)
+
     @cached_property
     def joint_table(self) -> FloatArray:
         """Joint table of the joints that move the tool, and of a last joint that is fixed."""
@@ -290,6 +352,11 @@ class ToolChain:
         carrier = rotation[:, tool.parentJoint]
         point = carrier @ tool.placement.translation + position[:, tool.parentJoint]
         return carrier @ tool.placement.rotation, point
+
+
+def _carried(spin: FloatArray, spin_rate: FloatArray, link: FloatArray) -> FloatArray:
+    """Return the acceleration of a link's end against its begin, (N, 3) each."""
+    return cross_product(spin_rate, link) + cross_product(spin, cross_product(spin, link))
 
 
 def cross_product(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -18,6 +18,7 @@ from tubeplanner.robot.kinematics import (
     BodyChain,
     ToolChain,
     cross_product,
+    frame_motion_derivatives,
     frame_velocities,
     model_joints,
 )
@@ -303,6 +304,27 @@ class RobotModel:
         arm = self._model, self._scratch.data, self._joints
         velocity, by_q, by_v = frame_velocities(*arm, [self._tool_id], q, v)
         return velocity[0], by_q[0], by_v[0]
+
+    @one_or_many()
+    def tool_motion(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the motion of the tool centre point in its own axes, shape (N, 9).
+
+        Args:
+            q: Configurations, shape (N, n).
+            v: Velocities, shape (N, n).
+            a: Accelerations, shape (N, n).
+
+        Returns:
+            Acceleration, gravity not counted [m/s^2], angular velocity [rad/s], angular
+            acceleration [rad/s^2].
+        """
+        return self._tool.motions(q, v, a)
+
+    @one_or_many(axis=1)
+    def tool_motion_derivatives(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the derivatives of `tool_motion` by q, v and a, shape (3, N, 9, n)."""
+        arm = self._model, self._scratch.data, self._joints
+        return frame_motion_derivatives(*arm, self._tool_id, (q, v, a))
 
     @one_or_many(axis=1)
     def point_velocities(

@@ -186,6 +186,14 @@ class ToolOffset:
                 field = f"{name} {shown(values)}"
                 raise RobotError(f"robot.tool_offset: {field} must be three finite numbers")
 
+    @cached_property
+    def placement(self) -> FloatArray:
+        """The pose as a homogeneous transform, shape (4, 4)."""
+        placement = np.eye(4)
+        placement[:3, 3] = self.position
+        placement[:3, :3] = matrix_of_rpy(*self.rpy)
+        return read_only(placement)
+
 
 # ---- From a URDF to the Pinocchio model of the planning group: other joints locked, payload added.
 

@@ -35,6 +35,7 @@ from tubeplanner.task.endpoints import (
     configuration_of,
     endpoint_of,
 )
+from tubeplanner.task.holding import Holding, holdings_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,7 @@ class PlanningProblem:
         objective: Objective beside the shortest duration.
         period: Of the controller [s]: duration and breakpoints are multiples of it; None: any.
         robustness: Errors that the plan must survive in simulation; None: none.
+        holding: Parts that the tool holds by contact, and must not lose.
         name: Name in messages and plots.
         notes: Sentences on implausible values of its file.
         joint_lower: Lower bounds of joints per segment, from limits and signs, (m, n) [rad or m].
@@ -85,6 +87,7 @@ class PlanningProblem:
     objective: Objective | None = None
     period: float | None = None
     robustness: Robustness | None = None
+    holding: Sequence[Holding] = ()
     name: str = "problem"
     notes: tuple[str, ...] = ()
     joint_lower: FloatArray = field(init=False)
@@ -130,6 +133,7 @@ class PlanningProblem:
         if self.contacts:
             require_checked(self.collision, "contacts", (each.links for each in self.contacts))
         require_parts(self, "objective", "robustness")
+        self._keep("holding", holdings_of(self.holding))
         if self.objective is not None and self.objective.minimise == ENERGY:
             self.objective.energy_weights(self.robot)
         if self.period is not None:

@@ -33,6 +33,7 @@ from tubeplanner.fields import (
 from tubeplanner.robot.overrides import LimitFields, MotorFields
 from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
 from tubeplanner.task.demands import ENDS, GOAL, START, Contact, Objective, Robustness
+from tubeplanner.task.holding import CONTACT_KINDS, Cup, Gripper, Holding, Liquid, Tray
 
 # ---- Kinds of documents: problem, cycle, study.
 
@@ -486,6 +487,68 @@ class RobustnessFields(DeclaredSection):
     )
 
 
+@section_of(Cup)
+class CupFields(DeclaredSection):
+    """A suction cup: a ring that the vacuum presses onto the part."""
+
+
+@section_of(Tray)
+class TrayFields(DeclaredSection):
+    """A tray: the part stands on it."""
+
+
+@section_of(Gripper)
+class GripperFields(DeclaredSection):
+    """A gripper with two fingers: it presses the part from both sides."""
+
+
+@section_of(Liquid)
+class LiquidFields(DeclaredSection):
+    """A liquid in an open vessel: its surface leans against the vessel."""
+
+
+class HoldingFields(Section):
+    """A part, and the contact that holds it; exactly one of cup, tray, gripper, liquid."""
+
+    part: PayloadFields | None = Field(
+        None, description="mass properties in tool_frame; of a liquid none"
+    )
+    cup: CupFields | None = Field(None, description="a suction cup")
+    tray: TrayFields | None = Field(None, description="a tray: the part stands on it")
+    gripper: GripperFields | None = Field(None, description="two fingers that press the part")
+    liquid: LiquidFields | None = Field(None, description="a liquid in an open vessel")
+
+
+Holdings: TypeAlias = Annotated[
+    HoldingFields | list[HoldingFields],
+    one_of(
+        lambda value: isinstance(value, dict | list | HoldingFields),
+        "a map with part and cup, tray, gripper or liquid, or a list of such",
+    ),
+]
+
+
+def holdings_from(fields: HoldingFields | list[HoldingFields] | None) -> tuple[Holding, ...]:
+    """Return the holdings of a file's fields.
+
+    Raises:
+        ProblemError: A contact is missing or given twice.
+    """
+    items = [] if fields is None else fields if isinstance(fields, list) else [fields]
+    holdings = []
+    for item in items:
+        kinds = {kind.kind: kind for kind in CONTACT_KINDS}
+        given = [name for name in kinds if getattr(item, name) is not None]
+        if len(given) != 1:
+            raise ProblemError(
+                f"holding takes one of {', '.join(kinds)}; it has {', '.join(given) or 'none'}"
+            )
+        contact = kinds[given[0]](**getattr(item, given[0]).model_dump())
+        part = None if item.part is None else Payload(**item.part.model_dump())
+        holdings.append(Holding(contact, part))
+    return tuple(holdings)
+
+
 class ProblemFields(Section):
     """A tubeplanner problem. SI units, radians; positions in the frame of the URDF's root link."""
 
@@ -522,6 +585,9 @@ class ProblemFields(Section):
     )
     robustness: RobustnessFields | None = Field(
         None, description="errors that the plan is to survive; left out: none"
+    )
+    holding: Holdings | None = Field(
+        None, description="parts that the tool holds by contact, and is not to lose"
     )
 
 

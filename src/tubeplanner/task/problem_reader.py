@@ -40,6 +40,7 @@ from tubeplanner.task.problem_format import (
     TubeFields,
     clearances_of,
     contacts_of,
+    holdings_from,
     segment_clearances,
 )
 from tubeplanner.task.side_files import read_limits_file, read_points, read_preset, read_robustness
@@ -140,6 +141,7 @@ def build_problem(
             objective=_built(Objective, fields.objective),
             period=fields.period,
             robustness=_robustness(fields.robustness, directory),
+            holding=holdings_from(fields.holding),
             name=name,
             notes=(*doubts(angles_of(fields.model_dump())), *notes),
         )

@@ -1,0 +1,265 @@
+"""Holding: a part that a cup, a tray or a gripper holds, or a liquid; the cones of its contact.
+
+The wrench of the tool on the part has its moment about the contact's middle p and the contact's
+axes C, z along the normal from the tool into the part:
+
+    W = (C^T f, C^T tau),  f = m (b + al x c + w x (w x c)),  tau = I al + w x I w + (c - p) x f
+
+with the acceleration b of the tool frame's origin less gravity, the angular velocity w and the
+angular acceleration al, all in the tool frame. A contact holds while W is in cones
+|across W| <= along . W + offset.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar, TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.errors import ProblemError, shown
+from tubeplanner.fields import Finite, Vector, declaration, declared, documented
+from tubeplanner.robot.pinocchio_model import Payload
+
+GRAVITY = 9.81  # [m/s^2]: nominal forces of cones are weights on earth, wherever the robot is
+
+# ---- Cones of wrenches.
+
+
+@dataclass(frozen=True, eq=False)
+class Cone:
+    """A convex cone of wrenches (6,) [N, N m]: |across W| <= along . W + offset.
+
+    Attributes:
+        name: What happens outside: "slides", "tips", ...
+        across: Shape (r, 6); r = 0: the cone is a half space.
+        along: Shape (6,).
+        offset: [N or N m].
+        nominal: What margins are relative to [N or N m].
+    """
+
+    name: str
+    across: FloatArray
+    along: FloatArray
+    offset: float
+    nominal: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "across", read_only(np.reshape(self.across, (-1, 6))))
+        object.__setattr__(self, "along", read_only(self.along))
+
+    def margin(self, wrench: FloatArray) -> FloatArray:
+        """Return the margin at wrenches (N, 6) as a share of the nominal, shape (N,)."""
+        size = np.linalg.norm(wrench @ self.across.T, axis=1)
+        margin: FloatArray = (wrench @ self.along + self.offset - size) / self.nominal
+        return margin
+
+
+_FX, _FY, _FZ, _TX, _TY, _TZ = np.eye(6)
+
+
+def _both_ways(
+    name: str, component: FloatArray, along: FloatArray, offset: float, nominal: float
+) -> list[Cone]:
+    """Return the two half spaces of |component . W| <= along . W + offset."""
+    none = np.zeros((0, 6))
+    return [Cone(name, none, along - sign * component, offset, nominal) for sign in (1.0, -1.0)]
+
+
+# ---- Contacts.
+
+
+@documented
+@dataclass(frozen=True)
+class Cup:
+    """A suction cup: a ring that the vacuum presses onto the part."""
+
+    kind: ClassVar[str] = "cup"
+    force: Finite = field(metadata=declaration("at working pressure [N]"))
+    radius: Finite = field(metadata=declaration("of the ring [m]"))
+    friction: Finite = field(metadata=declaration("coefficient between ring and part"))
+    safety: Finite = declared(1.5, "divides the force")
+    position: Vector = declared((0.0, 0.0, 0.0), "middle of the ring in tool_frame [m]")
+    normal: Vector = declared((0.0, 0.0, 1.0), "from the tool into the part, in tool_frame")
+
+    def cones(self, part: Payload) -> list[Cone]:
+        """Return the cones of a part."""
+        pull, mu, r = self.force / self.safety, self.friction, self.radius
+        slide, tip = mu * pull, r * pull / 2
+        return [
+            Cone("slides", np.array([_FX, _FY, _TZ / r]), mu * _FZ, slide, slide),
+            # The lip opens nowhere: the pressure is linear over the ring.
+            Cone("tips", np.array([_TX, _TY]), r / 2 * _FZ, tip, tip),
+        ]
+
+
+@documented
+@dataclass(frozen=True)
+class Tray:
+    """A tray: the part stands on it."""
+
+    kind: ClassVar[str] = "tray"
+    friction: Finite = field(metadata=declaration("coefficient between tray and part"))
+    foot: tuple[Finite, Finite] | Finite = field(
+        metadata=declaration(
+            "full lengths along x, the tool frame's x made perpendicular to the normal, and y; or "
+            "a disc's radius [m]"
+        )
+    )
+    safety: Finite = declared(1.2, "divides friction and foot; 1 - 1/safety of the weight is kept")
+    position: Vector = declared((0.0, 0.0, 0.0), "middle of the foot in tool_frame [m]")
+    normal: Vector = declared((0.0, 0.0, 1.0), "from the tool into the part, in tool_frame")
+
+    def cones(self, part: Payload) -> list[Cone]:
+        """Return the cones of a part. (Caron, Pham & Nakamura, ICRA 2015: feet.)"""
+        mu, weight = self.friction / self.safety, part.mass * GRAVITY
+        kept = (1 - 1 / self.safety) * weight
+        slide = mu * weight
+        if isinstance(self.foot, (int, float)):
+            r = self.foot / self.safety
+            tip = np.array([_TX, _TY])
+            across = np.array([_FX, _FY, _TZ / (2 * self.foot / 3)])
+            return [
+                Cone("slides", across, mu * _FZ, -mu * kept, slide),
+                Cone("tips", tip, r * _FZ, -r * kept, r * weight),
+            ]
+        x, y = (length / 2 / self.safety for length in self.foot)
+        rho = 0.383 * 2 * np.sqrt(x * y) * self.safety
+        across = np.array([_FX, _FY, _TZ / rho])
+        cones = [Cone("slides", across, mu * _FZ, -mu * kept, slide)]
+        cones += _both_ways("tips", _TY, x * _FZ, -x * kept, x * weight)
+        cones += _both_ways("tips", _TX, y * _FZ, -y * kept, y * weight)
+        both = mu * (x + y)
+        for sign in (1.0, -1.0):
+            one, two = y * _FX + sign * mu * _TX, x * _FY + sign * mu * _TY
+            bound = both * _FZ - sign * _TZ
+            for component in (one + two, one - two):
+                cones += _both_ways("slides", component, bound, -both * kept, both * weight)
+        return cones
+
+
+@documented
+@dataclass(frozen=True)
+class Gripper:
+    """A gripper with two fingers: it presses the part from both sides."""
+
+    kind: ClassVar[str] = "gripper"
+    force: Finite = field(metadata=declaration("of each finger [N]"))
+    friction: Finite = field(metadata=declaration("coefficient between pads and part"))
+    pad: tuple[Finite, Finite] = field(
+        metadata=declaration("full lengths of the pads along the contact's x and y [m]")
+    )
+    torsion: Finite = declared(0.01, "radius of the friction against turning [m]")
+    safety: Finite = declared(2.0, "divides the force")
+    position: Vector = declared((0.0, 0.0, 0.0), "middle between the pads in tool_frame [m]")
+    closing: Vector = declared((1.0, 0.0, 0.0), "direction in which it closes, in tool_frame")
+
+    @property
+    def normal(self) -> Vector:
+        """The closing direction."""
+        return self.closing
+
+    def cones(self, part: Payload) -> list[Cone]:
+        """Return the cones of a part."""
+        press, mu = self.force / self.safety, self.friction
+        slide = 2 * mu * press
+        across = np.array([_FX, _FY, _TZ / self.torsion])
+        cones = [Cone("slides", across, sign * mu * _FZ, slide, slide) for sign in (1.0, -1.0)]
+        x, y = (length / 2 * press for length in self.pad)
+        none = np.zeros(6)
+        return [
+            *cones,
+            *_both_ways("tips", _TX, none, y, y),
+            *_both_ways("tips", _TY, none, x, x),
+        ]
+
+
+@documented
+@dataclass(frozen=True)
+class Liquid:
+    """A liquid in an open vessel: its surface leans against the vessel."""
+
+    kind: ClassVar[str] = "liquid"
+    tilt: Finite = field(metadata=declaration("largest angle of the surface in the vessel [rad]"))
+    position: Vector = declared((0.0, 0.0, 0.0), "middle of the surface in tool_frame [m]")
+    normal: Vector = declared((0.0, 0.0, 1.0), "upwards out of the vessel, in tool_frame")
+    safety: ClassVar[float] = 1.0
+
+    def cones(self, part: Payload) -> list[Cone]:
+        """Return the cone of a small mass at the surface."""
+        slope = float(np.tan(self.tilt))
+        nominal = slope * part.mass * GRAVITY
+        return [Cone("spills", np.array([_FX, _FY]), slope * _FZ, 0.0, nominal)]
+
+
+ContactKind: TypeAlias = Cup | Tray | Gripper | Liquid
+CONTACT_KINDS: tuple[type[ContactKind], ...] = (Cup, Tray, Gripper, Liquid)
+
+
+@dataclass(frozen=True)
+class Holding:
+    """A part, and the contact that holds it.
+
+    Attributes:
+        contact: Cup, tray, gripper or liquid.
+        part: Mass properties in tool_frame; None: of a liquid alone.
+    """
+
+    contact: ContactKind
+    part: Payload | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.contact, CONTACT_KINDS):
+            raise ProblemError(
+                f"holding is by {shown(self.contact)}; give a Cup, Tray, Gripper or Liquid"
+            )
+        if isinstance(self.contact, Liquid):
+            position = self.contact.position
+            object.__setattr__(self, "part", Payload(1.0, position))
+        if self.part is None or not self.part.mass > 0:
+            raise ProblemError("holding.part is required, with a mass above 0 kg")
+
+    @property
+    def kind(self) -> str:
+        """The contact's name in files: "cup", "tray", "gripper" or "liquid"."""
+        return self.contact.kind
+
+    @property
+    def mass_properties(self) -> Payload:
+        """The part, of a liquid 1 kg at the middle of its surface."""
+        assert self.part is not None
+        return self.part
+
+    @cached_property
+    def cones(self) -> tuple[Cone, ...]:
+        """The cones of wrenches in the contact's axes."""
+        return tuple(self.contact.cones(self.mass_properties))
+
+    @cached_property
+    def axes(self) -> FloatArray:
+        """The contact's axes in tool_frame, as columns, shape (3, 3); z is the normal.
+
+        x is the tool frame's x made perpendicular to the normal, or its y where they are parallel.
+        """
+        z = np.array(self.contact.normal, dtype=float)
+        z /= np.linalg.norm(z)
+        for along in np.eye(3)[:2]:
+            x = along - (along @ z) * z
+            if np.linalg.norm(x) > 1e-6:
+                break
+        x /= np.linalg.norm(x)
+        return read_only(np.column_stack([x, np.cross(z, x), z]))
+
+
+def holdings_of(value: object) -> tuple[Holding, ...]:
+    """Return one or several holdings as a tuple.
+
+    Raises:
+        ProblemError: A member is none.
+    """
+    members: Sequence[object] = value if isinstance(value, (list, tuple)) else (value,)
+    for k, member in enumerate(members):
+        if not isinstance(member, Holding):
+            raise ProblemError(f"holding[{k}] is {shown(member)}; give a Holding")
+    return tuple(members)  # type: ignore[arg-type]
