@@ -220,6 +220,16 @@ class PathSamples:
         return self.problem.robot.tool_velocity(*self.by_path[:2])
 
     @cached_property
+    def tool_motion(self) -> FloatArray:
+        """Motion of the tool at a speed of 1, as `RobotModel.tool_motion`, shape (N, 9)."""
+        return self.problem.robot.tool_motion(*self.by_path[:3])
+
+    @cached_property
+    def tool_motion_derivatives(self) -> FloatArray:
+        """Derivatives of `tool_motion` by q, q' and q'', shape (3, N, 9, n)."""
+        return self.problem.robot.tool_motion_derivatives(*self.by_path[:3])
+
+    @cached_property
     def point_rates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Velocities of P speed-limited points (P, N, 3), their derivatives, twice (P, N, 3, n).
 

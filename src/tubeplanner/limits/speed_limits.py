@@ -8,6 +8,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.checks import checked_row
 from tubeplanner.errors import OptionError, TrajectoryError, shown
+from tubeplanner.limits.holding_limit import HoldingLimit
 from tubeplanner.limits.joint_efforts import EffortLimit, EffortRate, JointEffort, MotorCurve
 from tubeplanner.limits.path_samples import (
     CoulombFriction,
@@ -44,6 +45,7 @@ def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
         VelocityByPositionLimit(limits),
         ToolSpeed(problem),
         PointSpeedLimit(limits.point_speed),
+        HoldingLimit(problem),
     )
     return tuple(limit for limit in candidates if limit.keys)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.limits.path_samples import LimitKey
+from tubeplanner.optimizer.cone_constraints import EvaluatedCones
 from tubeplanner.optimizer.control_variables import FIXED, ControlVariables, shared_columns
 from tubeplanner.optimizer.linearization import BROKEN, Linearization
 from tubeplanner.optimizer.link_constraints import LinkConstraints
@@ -170,13 +171,14 @@ class SequentialProgram:
         fraction = np.where(is_of_speed, 1.0, 1 - INNER_MARGIN)
         return dict(zip(keys, -costs / 2 * fraction, strict=True))
 
-    def _hardly_move(self, regions: EvaluatedRegions, size: StepSize) -> BoolArray:
-        """Return True for samples that a step moves less than the merit function ignores, (N,)."""
+    def _hardly_move(self, regions: EvaluatedRegions | EvaluatedCones, size: StepSize) -> BoolArray:
+        """Return True for vectors that a step moves less than the merit function ignores."""
         planes = regions.planes
         reach = np.full(len(regions.vector), np.inf)
         reach[planes.sample] = 0.0
         np.maximum.at(reach, planes.sample, self._reach(regions.rows(planes), size))
-        return (reach < MERIT_TOLERANCE) | ~self.variables.move(regions.at)
+        moves = self.variables.move(regions.at)
+        return (reach < MERIT_TOLERANCE) | ~np.repeat(moves, len(reach) // len(moves))
 
     def _reach(self, rows: Rows, size: StepSize) -> FloatArray:
         """Return the largest change of each row by a step of the variables, shape (R,)."""
@@ -485,6 +487,8 @@ class _Linearized:
                 break
             steps, trials = others, moved
             gain = self._gains(trials, steps)[1]
+            if not np.isfinite(gain):  # no speed is slow enough: a shorter step is
+                break
             if gain > best[1]:
                 best = trials, gain
             left, missing = (predicted - gain) / missing, predicted - gain

@@ -149,9 +149,9 @@ class Linearization:
         """
         rows = self._rows
         predicted = self._slack_after(step) - self._is_elastic * step.elastic
-        each = zip(trial.convex, self._after(step), strict=True)
-        bends = [there.vector - vector for there, vector in each]
-        vectors = [regions.vector for regions in trial.convex]
+        run = (self._current.duration, step.duration)
+        vectors = [regions.vector_in(*run) for regions in trial.convex]
+        bends = [there - here for there, here in zip(vectors, self._after(step), strict=True)]
         self._add_planes(vectors, step, are_alone=True)
         return Slack(rows.slack + slack[rows.index] - predicted, bends)
 
@@ -204,7 +204,7 @@ class Linearization:
     def _after(self, step: Step) -> list[FloatArray]:
         """Return the regions' vectors after a step, to first order."""
         control = self._variables.change(step.control)
-        return [regions.after(control, step.switching) for regions in self._current.convex]
+        return [regions.after(control, step) for regions in self._current.convex]
 
     def _slack_after(self, step: Step) -> FloatArray:
         """Return the slack of all rows after a step, to first order."""

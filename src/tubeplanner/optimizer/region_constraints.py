@@ -136,11 +136,15 @@ class EvaluatedRegions:
         """Return the room that a step makes beyond the regions, in radii."""
         return step.duration / 2 if self.is_speed else step.elastic
 
-    def after(self, control: FloatArray, switching: FloatArray) -> FloatArray:
-        """Return the vectors (N, 3) after a step, as of `SampledSpline.change`, to first order."""
+    def vector_in(self, duration: float, longer: float) -> FloatArray:
+        """Return the vectors (N, 3) of a run in another duration: the same."""
+        return self.vector
+
+    def after(self, control: FloatArray, step: Step) -> FloatArray:
+        """Return the vectors after a step that changes control points (K, n), to first order."""
         after = self.vector.copy()
         for order, by in self._by_path.items():
-            after += np.einsum("nij,nj->ni", by, self.at.change(control, switching, order))
+            after += np.einsum("nij,nj->ni", by, self.at.change(control, step.switching, order))
         return after
 
     def slack(self, planes: Planes, bend: FloatArray | None = None) -> FloatArray:

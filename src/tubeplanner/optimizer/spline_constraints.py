@@ -21,6 +21,7 @@ from tubeplanner.limits.path_samples import (
 )
 from tubeplanner.limits.rates import RATES, JointRate
 from tubeplanner.limits.speed_limits import speed_limits
+from tubeplanner.optimizer.cone_constraints import EvaluatedCones, evaluated_cones
 from tubeplanner.optimizer.link_constraints import EvaluatedLinks, LinkConstraints
 from tubeplanner.optimizer.phased_spline import (
     EvaluationPoints,
@@ -88,6 +89,8 @@ class Iterate:
     regions: tuple[EvaluatedRegions, ...]
     # the velocities of the tool and of points whose speed is limited
     speeds: tuple[EvaluatedRegions, ...]
+    # the cones of held parts
+    cones: tuple[EvaluatedCones, ...]
     # the bounds on the components of the tool's rotation, where there are some
     rotations: tuple[EvaluatedRotation, ...]
     # the rotation beyond kinks of its reference, and efforts beyond those of friction
@@ -107,10 +110,10 @@ class Iterate:
         return (*self.limits, *self.rotations, *components, *self.friction_kinks, self.links)
 
     @cached_property
-    def convex(self) -> tuple[EvaluatedRegions, ...]:
+    def convex(self) -> tuple[EvaluatedRegions | EvaluatedCones, ...]:
         """All regions, whose planes join where steps leave them."""
         angles = (each.angle() for each in self.rotation_kinks if each.bounds_angle)
-        return (*self.regions, *self.speeds, *angles)
+        return (*self.regions, *self.speeds, *self.cones, *angles)
 
     @property
     def tool(self) -> tuple[EvaluatedRegions | EvaluatedRotation, ...]:
@@ -325,6 +328,7 @@ class SplineConstraints:
             limits,
             regions,
             tuple(chain(*(evaluated_speeds(limit, duration) for limit in limits))),
+            tuple(chain(*(evaluated_cones(limit, duration) for limit in limits))),
             rotations,
             kinks,
             tuple(chain(*(arm.friction_kinks(limit) for limit in limits))),

@@ -28,8 +28,8 @@ _NEARLY_AT_RADIUS = 0.8
 # the step's predicted cost, and divided after a step that gained what it should.
 _FRACTION_OF_ERROR = 0.2
 _MORE, _LESS = 2.0, 5.0
-# The error counts up to this: where motors cannot hold the arm, T^2 is infinite, and an infinite
-# damping would end the descent.
+# The error counts up to this. Where motors cannot hold the arm, or a contact its part, T^2 is
+# infinite: that only shrinks the box.
 _LARGEST_ERROR = 10.0
 # In a tube of a millimetre, a damping of 1e7 is a useful one: only beyond all use it is the end.
 _MIN_DAMPING, _MAX_DAMPING = 1e-9, 1e14
@@ -101,7 +101,7 @@ class TrustRegion:
     def _next_damping(self, outcome: Outcome) -> float:
         if outcome.ratio > _DECENT:
             return max(self.damping / _LESS, _MIN_DAMPING)
-        if outcome.ratio > _FAIR:
+        if outcome.ratio > _FAIR or not np.isfinite(outcome.gain):
             return self.damping
         error = min(max(outcome.predicted - outcome.linear, 0.0), _LARGEST_ERROR)
         enough = _FRACTION_OF_ERROR * error / max(outcome.squared_rates, 1e-300)

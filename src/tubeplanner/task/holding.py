@@ -112,7 +112,7 @@ class Tray:
     normal: Vector = declared((0.0, 0.0, 1.0), "from the tool into the part, in tool_frame")
 
     def cones(self, part: Payload) -> list[Cone]:
-        """Return the cones of a part. (Caron, Pham & Nakamura, ICRA 2015: feet.)"""
+        """Return the cones of a part, of a rectangle by Caron, Pham & Nakamura (ICRA 2015)."""
         mu, weight = self.friction / self.safety, part.mass * GRAVITY
         kept = (1 - 1 / self.safety) * weight
         slide = mu * weight

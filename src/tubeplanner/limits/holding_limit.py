@@ -1,0 +1,234 @@
+"""HoldingLimit: the cones of held parts as a limit on the speed; wrenches at samples of a path.
+
+Run at the speed s, the wrench of the tool on a part is W = M (z0 + s^2 z2). z has twelve numbers in
+the tool centre point's axes: the acceleration of that point less gravity, the angular acceleration,
+and the six products of the angular velocity. M is the same everywhere; z0 is gravity alone.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.limits.path_samples import LimitKey, PathSamples
+from tubeplanner.limits.speed_polynomial import SpeedPolynomial
+from tubeplanner.outcome import Infeasible, Location, PlanStatus
+from tubeplanner.task.holding import Holding
+from tubeplanner.task.problem import PlanningProblem
+
+# What a cone's margin is relative to grows in proportion to this parameter of the contact.
+_PARAMETERS = {
+    "cup": {"slides": "friction", "tips": "force"},
+    "tray": {"slides": "friction", "tips": "foot"},
+    "gripper": {"slides": "friction", "tips": "force"},
+    "liquid": {"spills": "tilt"},
+}
+# Rows and columns of the products of angular velocities.
+_ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
+_PRODUCTS = len(_ROWS)
+_LEVI_CIVITA = np.zeros((3, 3, 3))
+for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _LEVI_CIVITA[_i, _j, _k], _LEVI_CIVITA[_j, _i, _k] = 1.0, -1.0
+
+
+def wrench_map(holding: Holding, offset: FloatArray) -> FloatArray:
+    """Return the matrix M from the twelve numbers of the tool's motion to the wrench, (6, 12).
+
+    Args:
+        holding: Part and contact, in the tool frame.
+        offset: Pose of the tool centre point in the tool frame, shape (4, 4).
+    """
+    rotation, origin = offset[:3, :3], offset[:3, 3]
+    part, axes = holding.mass_properties, rotation.T @ holding.axes
+    com, middle = (rotation.T @ (x - origin) for x in (part.com, holding.contact.position))
+    inertia = rotation.T @ part.inertia_matrix() @ rotation
+    # The products as symmetric matrices: w w^T.
+    products = np.zeros((3, 3, _PRODUCTS))
+    products[_ROWS, _COLUMNS, range(_PRODUCTS)] = 1.0
+    products[_COLUMNS, _ROWS, range(_PRODUCTS)] = 1.0
+    along, traces = np.einsum("ijk,j->ik", products, com), np.einsum("iik->k", products)
+    turning = _cross_matrix(com)
+    acceleration = np.hstack([np.eye(3), -turning, along - np.outer(com, traces)])
+    force = part.mass * acceleration
+    gyroscopic = np.einsum("ijk,kl,jlm->im", _LEVI_CIVITA, inertia, products)
+    moment = np.hstack([np.zeros((3, 3)), inertia, gyroscopic])
+    moment += _cross_matrix(com - middle) @ force
+    return np.vstack([axes.T @ force, axes.T @ moment])
+
+
+def _cross_matrix(x: FloatArray) -> FloatArray:
+    """Return the matrix of a vector product with x (3,) from the left, shape (3, 3)."""
+    return np.einsum("ijk,j->ik", _LEVI_CIVITA, x)
+
+
+@dataclass(frozen=True, eq=False)
+class ConeParts:
+    """J cones at N samples: |x0 + s^2 x2| <= t0 + s^2 t2, as shares of the nominal."""
+
+    x0: FloatArray  # shape (N, J, 3)
+    x2: FloatArray  # shape (N, J, 3)
+    t0: FloatArray  # shape (N, J)
+    t2: FloatArray  # shape (N, J)
+
+    def largest_squares(self) -> FloatArray:
+        """Return the largest s^2 inside each cone, shape (N, J): 0 or inf where none or any is."""
+        x0, x2, t0, t2 = self.x0, self.x2, self.t0, self.t2
+        a = (x2**2).sum(axis=2) - t2**2
+        b = (x0 * x2).sum(axis=2) - t0 * t2
+        rest = np.linalg.norm(x0, axis=2)
+        c = (rest - t0) * (rest + t0)
+        root = b**2 - a * c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            square = -c / (b + np.sqrt(root))
+        square = np.where((root >= 0) & (square > 0), square, np.inf)
+        return np.where(rest > t0, 0.0, square)
+
+    def directions(self, square: FloatArray) -> FloatArray:
+        """Return the unit vectors of x at s^2 (N, J), shape (N, J, 3); zero where x is."""
+        infinite = np.isinf(square)
+        x = self.x0 + np.where(infinite, 1.0, square)[..., None] * self.x2
+        size = np.linalg.norm(x, axis=2, keepdims=True)
+        return np.divide(x, size, out=np.zeros_like(x), where=size > 0)
+
+
+class HoldingLimit:
+    """A `SpeedLimit` on J cones of held parts: the tangent half space of each.
+
+    The tangent touches the cone where the sample, run faster and faster, leaves the cone.
+
+    Attributes:
+        names: What happens outside each cone, J of them: "tray slides".
+    """
+
+    kind = "holding"
+    order = 2
+    signs = (1.0,)
+
+    def __init__(self, problem: PlanningProblem) -> None:
+        """Take the parts that a problem's tool holds."""
+        offset = problem.robot.tool_offset.placement
+        across, along, offsets, keys = [], [], [], []
+        self.names: list[str] = []
+        for k, holding in enumerate(problem.holding):
+            by_motion = wrench_map(holding, offset)
+            for cone in holding.cones:
+                rows = np.zeros((3, 12))
+                rows[: len(cone.across)] = cone.across @ by_motion
+                across.append(rows / cone.nominal)
+                along.append(cone.along @ by_motion / cone.nominal)
+                offsets.append(cone.offset / cone.nominal)
+                parameter = _PARAMETERS[holding.kind][cone.name]
+                keys.append(LimitKey(self.kind, contact=k, parameter=parameter))
+                self.names.append(f"{holding.kind} {cone.name}")
+        self.keys = tuple(dict.fromkeys(keys))
+        self._key = np.array([self.keys.index(key) for key in keys], dtype=np.int64)
+        self._across, self._along = np.array(across), np.array(along)
+        self._offset = np.array(offsets)
+
+    def parts(self, at: PathSamples) -> ConeParts:
+        """Return the cones at samples."""
+        gravity, motion = _gravity(at), _numbers(at.tool_motion)
+        return ConeParts(
+            np.einsum("jki,ni->njk", self._across[:, :, :3], gravity),
+            np.einsum("jki,ni->njk", self._across, motion),
+            gravity @ self._along[:, :3].T + self._offset,
+            motion @ self._along.T,
+        )
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the shares that tangents of the cones leave, 1 on the cone."""
+        parts = self.parts(at)
+        e = self._tangents(at)
+        return SpeedPolynomial(
+            {
+                0: 1 + (e * parts.x0).sum(axis=2) - parts.t0,
+                2: (e * parts.x2).sum(axis=2) - parts.t2,
+            }
+        )
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return the derivatives of the shares by the path, tangents fixed, (N, J, n) each."""
+        normal = np.einsum("njk,jki->nji", self._tangents(at), self._across) - self._along
+        moving, still = self._motion_by_path(at), self._gravity_by_path(at)
+        change = {k: speed**2 * (normal @ by) for k, by in enumerate(moving)}
+        change[0] += normal[:, :, :3] @ still
+        return change
+
+    def vectors_by_path(self, at: PathSamples, speed: float) -> dict[int, FloatArray]:
+        """Return the derivatives of (x, t) at a speed by the path, (N, J, 4, n) each."""
+        change = {
+            k: speed**2 * np.einsum("jki,nil->njkl", self._vectors, by)
+            for k, by in enumerate(self._motion_by_path(at))
+        }
+        change[0] += self.at_rest_by_path(at)
+        return change
+
+    def at_rest_by_path(self, at: PathSamples) -> FloatArray:
+        """Return the derivatives of (x, t) at rest by q, (N, J, 4, n)."""
+        return np.einsum("jki,nil->njkl", self._vectors[:, :, :3], self._gravity_by_path(at))
+
+    @cached_property
+    def _vectors(self) -> FloatArray:
+        """The matrices from z to (x, t), shape (J, 4, 12)."""
+        return np.concatenate([self._across, self._along[:, None]], axis=1)
+
+    def _motion_by_path(self, at: PathSamples) -> FloatArray:
+        """Return the derivatives of z2 by q, q' and q'', shape (3, N, 12, n)."""
+        by = at.tool_motion_derivatives
+        spin, by_spin = at.tool_motion[:, 3:6], by[:, :, 3:6]
+        products = (
+            spin[:, _ROWS, None] * by_spin[:, :, _COLUMNS]
+            + spin[:, _COLUMNS, None] * by_spin[:, :, _ROWS]
+        )
+        return np.concatenate([by[:, :, :3], by[:, :, 6:], products], axis=2)
+
+    def _gravity_by_path(self, at: PathSamples) -> FloatArray:
+        """Return the derivatives of z0 by q, shape (N, 3, n)."""
+        rotation, _ = at.tool_pose
+        turning = rotation.swapaxes(1, 2) @ at.tool_jacobian[:, 3:]
+        return np.cross(turning, -_gravity(at)[:, :, None], axis=1)
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return the index of each cone's key, shape (1, J)."""
+        return self._key[None]
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return the refusal of the sample that leaves a cone at rest by most."""
+        parts = self.parts(at)
+        excess = np.linalg.norm(parts.x0, axis=2) - parts.t0
+        sample, cone = np.unravel_index(int(excess.argmax()), excess.shape)
+        contact = self.keys[self._key[cone]].contact or 0
+        holding = at.problem.holding[contact]
+        rotation, tool = at.tool_pose
+        frame = rotation[sample] @ at.problem.robot.tool_offset.placement[:3, :3].T
+        gravity = at.problem.robot.gravity
+        upwards = -gravity @ frame @ holding.axes[:, 2]
+        lean = float(np.degrees(np.arccos(upwards / max(float(np.linalg.norm(gravity)), 1e-300))))
+        return Infeasible(
+            PlanStatus.NO_TRAJECTORY,
+            f"the held part {self.names[cone].split()[1]} off at rest: the {holding.kind}'s normal "
+            f"is {lean:.1f} degrees from upright there, {100 * excess[sample, cone]:.1f} % more "
+            "than the contact carries; keep the tool more level (tube.orientations, "
+            "tube.rotation_tolerance) or hold the part better",
+            Location().at(tool[sample]),
+            configuration=at.position[sample],
+        )
+
+    def _tangents(self, at: PathSamples) -> FloatArray:
+        """Return the unit vectors of x where samples leave the cones, shape (N, J, 3)."""
+        parts = self.parts(at)
+        return parts.directions(parts.largest_squares())
+
+
+def _gravity(at: PathSamples) -> FloatArray:
+    """Return the acceleration at rest less gravity, in tool axes, shape (N, 3) [m/s^2]."""
+    rotation, _ = at.tool_pose
+    return -at.problem.robot.gravity @ rotation
+
+
+def _numbers(motion: FloatArray) -> FloatArray:
+    """Return the twelve numbers of the tool's motions (N, 9), shape (N, 12)."""
+    spin = motion[:, 3:6]
+    return np.hstack([motion[:, :3], motion[:, 6:], spin[:, _ROWS] * spin[:, _COLUMNS]])

@@ -1,0 +1,148 @@
+"""Cones of held parts as regions of a step's program: planes join where a step leaves a cone.
+
+In units of the present squared duration y = T^2, the vector of a cone is u = (1 + eta) u0 + u2 / y
+with four components: three of |across W|, and the bound. A cone is convex, so that every tangent
+plane contains it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.limits.holding_limit import HoldingLimit
+from tubeplanner.limits.path_samples import PathSamples
+from tubeplanner.optimizer.phased_spline import SampledSpline
+from tubeplanner.optimizer.region_constraints import Planes
+from tubeplanner.optimizer.rows import EvaluatedSpeedLimit, Rows
+from tubeplanner.optimizer.step_program import Step
+
+# A prediction may leave a cone by this share of the nominal.
+_OUTSIDE = 0.002
+# At rest, where no lower speed helps, steps aim this far inside.
+_REST_MARGIN = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedCones:
+    """The cones of a limit at N samples of a spline: J each, one of `Iterate.convex`.
+
+    Vectors are numbered by sample and cone.
+    """
+
+    is_crossed: ClassVar[bool] = False
+
+    limit: HoldingLimit
+    at: SampledSpline  # the spline at the samples
+    path: PathSamples  # the arm there
+    duration: float  # T [s]
+    numbers: IntArray  # of the limit's keys among those of all limits
+    is_at_rest: bool  # whether the arm rests at every sample; else it runs in T
+    # whether rows of the limit bound the cones already, along present directions
+    is_speed: bool
+
+    @cached_property
+    def vector(self) -> FloatArray:
+        """The cones' vectors, shape (N J, 4), as shares of the nominal."""
+        return self.vector_in(self.duration, 0.0)
+
+    def vector_in(self, duration: float, longer: float) -> FloatArray:
+        """Return the vectors of a run in T sqrt(1 + longer), in units of T^2."""
+        still, moving = self._parts
+        vector = still if self.is_at_rest else (1 + longer) * still + moving / duration**2
+        return vector.reshape(-1, 4)
+
+    @cached_property
+    def planes(self) -> Planes:
+        """The tangent planes along present directions."""
+        return self._tangents(self.vector, np.arange(len(self.vector)))
+
+    def planes_where_outside(
+        self, vector: FloatArray, room: float, *, are_alone: bool = False
+    ) -> Planes:
+        """Return the tangent planes where other vectors (N J, 4) are outside."""
+        excess = np.linalg.norm(vector[:, :3], axis=1) - vector[:, 3] + self._margin
+        return self._tangents(vector, np.flatnonzero(excess > _OUTSIDE))
+
+    def room(self, step: Step) -> float:
+        """Return the room that a step makes beyond the cones: none."""
+        return 0.0
+
+    def after(self, control: FloatArray, step: Step) -> FloatArray:
+        """Return the vectors after a step that changes control points (K, n), to first order."""
+        shape = (len(self.path), -1, 4)
+        after = self.vector.reshape(shape).copy()
+        if not self.is_at_rest:
+            after += step.duration * self._parts[0]
+        for order, by in self._by_path.items():
+            change = self.at.change(control, step.switching, order)
+            after += np.einsum("njki,ni->njk", by, change)
+        return after.reshape(-1, 4)
+
+    def slack(self, planes: Planes, bend: FloatArray | None = None) -> FloatArray:
+        """Return the distance of the vectors, plus `bend` (N J, 4), behind planes, (P,)."""
+        vector = (self.vector if bend is None else self.vector + bend)[planes.sample]
+        slack: FloatArray = vector[:, 3] - (planes.normal * vector[:, :3]).sum(axis=1)
+        return slack - self._margin
+
+    def rows(self, planes: Planes) -> Rows:
+        """Return rows that keep the vectors behind planes; they have no numbers."""
+        sample, cone = np.divmod(planes.sample, len(self.limit.names))
+        count = len(planes)
+        normal = np.hstack([planes.normal, np.full((count, 1), -1.0)])
+        by_path = {
+            order: np.einsum("pk,pki->pi", normal, by[sample, cone])[:, None]
+            for order, by in self._by_path.items()
+        }
+        control, switching = self.at.chained(by_path, sample)
+        by_duration = np.zeros(count)
+        if not self.is_at_rest:
+            by_duration = (normal * self._parts[0][sample, cone]).sum(axis=1)
+        return Rows(
+            self.at.first[sample],
+            control[:, 0],
+            switching[:, 0],
+            by_duration,
+            self.slack(planes),
+            self.numbers[self.limit.key_of(self.path)[0, cone]],
+            np.full(count, -1),
+        )
+
+    @property
+    def _margin(self) -> float:
+        return _REST_MARGIN if self.is_at_rest else 0.0
+
+    @cached_property
+    def _parts(self) -> tuple[FloatArray, FloatArray]:
+        """The vectors' parts u0 of gravity and u2 of the motion at a speed of 1, (N, J, 4) each."""
+        parts = self.limit.parts(self.path)
+        pairs = ((parts.x0, parts.t0), (parts.x2, parts.t2))
+        still, moving = (np.concatenate([x, t[..., None]], axis=2) for x, t in pairs)
+        return still, moving
+
+    @cached_property
+    def _by_path(self) -> Mapping[int, FloatArray]:
+        """The vectors' derivatives by q and its derivatives by x, (N, J, 4, n) each."""
+        if self.is_at_rest:
+            return {0: self.limit.at_rest_by_path(self.path)}
+        return self.limit.vectors_by_path(self.path, 1 / self.duration)
+
+    def _tangents(self, vector: FloatArray, which: IntArray) -> Planes:
+        """Return the tangent planes that some vectors (N J, 4) point at."""
+        x = vector[which, :3]
+        size = np.linalg.norm(x, axis=1, keepdims=True)
+        normal = np.divide(x, size, out=np.zeros_like(x), where=size > 0)
+        none = np.zeros(len(which), dtype=np.int64)
+        return Planes(which, normal, none, none.astype(bool))
+
+
+def evaluated_cones(evaluated: EvaluatedSpeedLimit, duration: float) -> list[EvaluatedCones]:
+    """Return the cones of held parts at speed and at rest; nothing for other limits."""
+    limit = evaluated.limit
+    if not isinstance(limit, HoldingLimit):
+        return []
+    place = (limit, evaluated.at, evaluated.path, duration, evaluated.numbers)
+    return [EvaluatedCones(*place, False, True), EvaluatedCones(*place, True, False)]
