@@ -11,6 +11,7 @@ from tubeplanner.studies.change_kinds import (
     clearance_changes,
     effort_changes,
     end_changes,
+    holding_changes,
     limit_changes,
     obstacle_changes,
     payload_changes,
@@ -412,3 +413,30 @@ def test_loose_ends_are_a_start_by_joints_and_a_goal_within_a_tolerance(goal):
     loose = made(question, both, 0.02)
     assert (loose.start.tolist(), loose.goal.tolerance) == (q.tolist(), 0.02)
     assert both.kind == "ends"
+
+
+PART = {"mass": 1.2, "com": [0.0, 0.0, 0.03]}
+CUP = {"part": PART, "cup": {"force": 42.4, "radius": 0.015, "friction": 0.5}}
+TRAY = {"part": PART, "tray": {"friction": 0.3, "foot": [0.04, 0.06]}}
+
+
+def test_a_part_is_held_better_or_worse_by_one_number_of_its_contact_but_never_less_safely():
+    question = asked({"holding": CUP})
+    change = the(limit_changes(question), "holding.cup.force")
+    assert change.propose(8.6).text == "holding.cup.force 42.4 -> 51 N"
+    (cup,) = made(question, change, 8.6).holding
+    assert (cup.contact.force, cup.contact.safety) == (51.0, 1.5)
+    lighter = the(holding_changes(question, 1), "holding.part.mass")
+    assert lighter.propose(0.2).text == "holding.part.mass 1.2 -> 1 kg"
+    assert made(question, lighter, 0.2).holding[0].mass_properties.mass == 1.0
+    fields = {change.field for change in holding_changes(question, -1)}
+    assert fields == {"holding.part.mass"} | {
+        f"holding.cup.{name}" for name in ("force", "friction", "radius")
+    }
+    question = asked({"holding": [CUP, TRAY, {"liquid": {"tilt": 0.26}}]})
+    foot = the(holding_changes(question, 1), "holding.1.tray.foot")
+    assert foot.propose(0.01).text == "holding.1.tray.foot 40 -> 50 mm"
+    assert made(question, foot, 0.01).holding[1].contact.foot == (0.05, 0.075)
+    for field in ("holding.2.liquid.tilt", "holding.1.tray.friction"):
+        change = the(holding_changes(question, 1), field)
+        assert change.propose(change.most).after == 1.5

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from math import ceil
 from typing import Any
@@ -24,6 +25,7 @@ from tubeplanner.studies.changes import (
     rounded,
 )
 from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration_of
+from tubeplanner.task.holding import CONTACT_KINDS
 from tubeplanner.task.problem_format import ClearanceFields, SceneFields
 from tubeplanner.task.problem_reader import end_of
 
@@ -371,9 +373,10 @@ _DECIMALS = 6  # of joints
 
 
 def limit_changes(question: Question) -> Iterator[Change]:
-    """Yield the changes that widen limits of joints, or lighten the payload."""
+    """Yield the changes that widen limits of joints, lighten the payload, or hold parts better."""
     yield from effort_changes(question, 1)
     yield from payload_changes(question, -1)
+    yield from holding_changes(question, 1)
     robot, own = question.robot, question.fields.robot.limits.position
     lower, upper = _own_positions(robot.limits)
 
@@ -483,6 +486,53 @@ def payload_changes(question: Question, sign: int) -> Iterator[Change]:
     yield Change(
         *("payload", "robot.payload.mass", before, "kg", before, most, changed), is_loss=sign < 0
     )
+
+
+# ---- Changes of held parts: safety is never proposed to be less.
+
+# Numbers of contacts, each with its unit. More of any holds better.
+_CONTACT_NUMBERS = {
+    **{"force": "N", "vacuum": "Pa", "friction": "", "torsion": "m", "tilt": "rad"},
+    **dict.fromkeys(("radius", "diameter", "foot", "pad"), "m"),
+}
+# Largest sensible values: no coating has more friction, and no liquid's surface is upright.
+_MAX_OF_CONTACTS = {"friction": 1.5, "tilt": 1.5}
+
+
+def holding_changes(question: Question, sign: int) -> Iterator[Change]:
+    """Yield the changes of what holds a part, for the better (sign 1) or the worse (-1).
+
+    The size of a foot or a pad is its shorter side's.
+    """
+    value = question.fields.holding
+    several = isinstance(value, list)
+    items: list[Any] = [] if value is None else list(value) if several else [value]
+
+    def changed(field: str, before: Any, after: float) -> dict[str, Any]:
+        if not isinstance(before, list | tuple):
+            return {field: after}
+        return {field: [exact(after * side / min(before)) for side in before]}
+
+    for k, item in enumerate(items):
+        path = f"holding.{k}" if several else "holding"
+        for contact in CONTACT_KINDS:
+            fields = getattr(item, contact.kind)
+            for name, unit in _CONTACT_NUMBERS.items():
+                before = getattr(fields, name, None)
+                if before is None:
+                    continue
+                field = f"{path}.{contact.kind}.{name}"
+                least = min(before) if isinstance(before, list | tuple) else before
+                number = (field, least, unit, sign, field)
+                most = _MAX_OF_CONTACTS.get(name, np.inf) - least if sign > 0 else np.inf
+                if most > 0:
+                    change = Change.of_number(
+                        "holding", *number, changes=partial(changed, field, before)
+                    )
+                    yield replace(change, most=min(change.most, most))
+        if item.part is not None and item.liquid is None:
+            field = f"{path}.part.mass"
+            yield Change.of_number("holding", field, item.part.mass, "kg", -sign, field)
 
 
 # ---- Changes of start, goal and duration.

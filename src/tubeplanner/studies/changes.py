@@ -233,7 +233,10 @@ _HELPFUL = {
         ("position", "sign", "rotation_tolerance", "radius", "radii"),
         ("point", "start", "goal"),
     ),
-    PlanStatus.BAD_INPUT: (("position", "start", "goal", "duration"), ("radius", "sign", "point")),
+    PlanStatus.BAD_INPUT: (
+        ("position", "start", "goal", "duration", "holding"),
+        ("radius", "sign", "point"),
+    ),
 }
 # The kinds that are tried only if nothing else helps, whatever the cause.
 _LAST = ("points", "ends", "attached")

@@ -339,6 +339,10 @@ _KINDS = (
         "down to nothing",
     ),
     ("robot.payload.mass", "", "payload", "", "down to nothing"),
+    (
+        *("holding.", "", "holding:", "holding: values"),
+        "up to eleven times, masses down to nothing",
+    ),
     ("robot.attached.", ".position", "attached solid", "attached solids", "moved by up to 1 m"),
     ("obstacles.", ".position", "obstacle", "obstacles", "moved by up to 1 m"),
     ("clearance", "", "clearance", "", "down to 0"),

@@ -12,6 +12,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies.change_kinds import (
     clearance_changes,
     effort_changes,
+    holding_changes,
     obstacle_changes,
     payload_changes,
     radius_changes,
@@ -468,11 +469,12 @@ class RemedySearch:
 
 
 def worsening_changes(question: Question) -> Iterator[Change]:
-    """Yield narrower radii, larger clearances and payloads, less effort, moved obstacles."""
+    """Yield worse values of single quantities: narrower radii, less effort, moved obstacles, ..."""
     yield from radius_changes(question, -1)
     yield from clearance_changes(question, 1)
     yield from payload_changes(question, 1)
     yield from effort_changes(question, -1)
+    yield from holding_changes(question, -1)
     yield from obstacle_changes(question)
 
 
