@@ -20,6 +20,8 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.fields import Finite, Vector, declaration, declared, documented
+from tubeplanner.outcome import MARGIN_TOLERANCE
+from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
 
 GRAVITY = 9.81  # [m/s^2]: nominal forces of cones are weights on earth, wherever the robot is
@@ -250,6 +252,45 @@ class Holding:
                 break
         x /= np.linalg.norm(x)
         return read_only(np.column_stack([x, np.cross(z, x), z]))
+
+
+# ---- At rest.
+
+
+def rest_margins(robot: RobotModel, holdings: Sequence[Holding], q: FloatArray) -> FloatArray:
+    """Return the margins of all cones of held parts at rest in configurations (N, n), (N, J).
+
+    The J cones are those of the holdings in their order. Margins are shares of the nominal, as of
+    `Cone.margin`. A part that is held at rest is held at every lower speed than one that holds it.
+    """
+    rotation, _ = robot.tool_pose(q)
+    frame = rotation @ robot.tool_offset.placement[:3, :3].T
+    gravity = -robot.gravity @ frame  # of the tool less gravity, in tool_frame
+    margins = []
+    for holding in holdings:
+        force = holding.mass_properties.mass * gravity
+        lever = np.subtract(holding.mass_properties.com, holding.contact.position)
+        moment = np.cross(lever, force)
+        wrench = np.hstack([force @ holding.axes, moment @ holding.axes])
+        margins += [cone.margin(wrench) for cone in holding.cones]
+    return np.reshape(margins, (-1, len(q))).T
+
+
+def loss_at_rest(robot: RobotModel, holdings: Sequence[Holding], q: FloatArray) -> str | None:
+    """Return the sentence on the part that is lost at rest in a configuration (n,); None: held."""
+    margins = rest_margins(robot, holdings, q[None])[0]
+    if not margins.size or margins.min() >= -MARGIN_TOLERANCE:
+        return None
+    cones = [(holding, cone) for holding in holdings for cone in holding.cones]
+    holding, cone = cones[int(margins.argmin())]
+    rotation, _ = robot.tool_pose(q[None])
+    normal = rotation[0] @ robot.tool_offset.placement[:3, :3].T @ holding.axes[:, 2]
+    gravity = robot.gravity / max(float(np.linalg.norm(robot.gravity)), 1e-300)
+    lean = float(np.degrees(np.arccos(np.clip(-gravity @ normal, -1, 1))))
+    return (
+        f"the held part {cone.name} off at rest: the {holding.kind}'s normal is {lean:.1f} degrees "
+        f"from upright there, {-100 * margins.min():.1f} % more than the contact carries"
+    )
 
 
 def holdings_of(value: object) -> tuple[Holding, ...]:

@@ -35,7 +35,7 @@ from tubeplanner.task.endpoints import (
     configuration_of,
     endpoint_of,
 )
-from tubeplanner.task.holding import Holding, holdings_of
+from tubeplanner.task.holding import Holding, holdings_of, loss_at_rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +134,7 @@ class PlanningProblem:
             require_checked(self.collision, "contacts", (each.links for each in self.contacts))
         require_parts(self, "objective", "robustness")
         self._keep("holding", holdings_of(self.holding))
+        self._require_held_at_ends()
         if self.objective is not None and self.objective.minimise == ENERGY:
             self.objective.energy_weights(self.robot)
         if self.period is not None:
@@ -297,6 +298,20 @@ class PlanningProblem:
                     f"'{self.robot.joint_names[joint]}' at {route[-k, joint]:g}, the {name} has it "
                     f"at {end.joints[joint]:g}; give both the same, or find another route "
                     "(`tubeplanner route`)"
+                )
+
+    def _require_held_at_ends(self) -> None:
+        """Raise unless the held parts are held at rest in given configurations of the ends."""
+        for name, end in zip(("start", "goal"), self.endpoints, strict=True):
+            if end.joints is None:
+                continue
+            if (loss := loss_at_rest(self.robot, self.holding, end.joints)) is not None:
+                segment = 0 if name == "start" else self.tube.segment_count - 1
+                number = self.tube.segment_number(segment)
+                raise ContradictionError(
+                    f"{name}: {loss}; turn the tool there, or hold the part better",
+                    self._location_of(name, number, self.robot.tool_position(end.joints)),
+                    configuration=end.joints,
                 )
 
     def _keep(self, name: str, value: object) -> None:
