@@ -6,7 +6,7 @@ and the six products of the angular velocity. M is the same everywhere; z0 is gr
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -100,14 +100,17 @@ class HoldingLimit:
 
     Attributes:
         names: What happens outside each cone, J of them: "tray slides".
+        least_at_rest: Samples outside a cone at rest count as inside by this share of the nominal;
+            None: no speed is slow enough for them.
     """
 
     kind = "holding"
     order = 2
     signs = (1.0,)
 
-    def __init__(self, problem: PlanningProblem) -> None:
+    def __init__(self, problem: PlanningProblem, least_at_rest: float | None = None) -> None:
         """Take the parts that a problem's tool holds."""
+        self.least_at_rest = least_at_rest
         offset = problem.robot.tool_offset.placement
         across, along, offsets, keys = [], [], [], []
         self.names: list[str] = []
@@ -139,7 +142,7 @@ class HoldingLimit:
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return the shares that tangents of the cones leave, 1 on the cone."""
-        parts = self.parts(at)
+        parts = self._slowed(at)
         e = self._tangents(at)
         return SpeedPolynomial(
             {
@@ -216,9 +219,17 @@ class HoldingLimit:
             configuration=at.position[sample],
         )
 
+    def _slowed(self, at: PathSamples) -> ConeParts:
+        """Return the cones at samples, each holding at rest if they are to count so."""
+        parts = self.parts(at)
+        if self.least_at_rest is None:
+            return parts
+        least = np.linalg.norm(parts.x0, axis=2) + self.least_at_rest
+        return replace(parts, t0=np.maximum(parts.t0, least))
+
     def _tangents(self, at: PathSamples) -> FloatArray:
         """Return the unit vectors of x where samples leave the cones, shape (N, J, 3)."""
-        parts = self.parts(at)
+        parts = self._slowed(at)
         return parts.directions(parts.largest_squares())
 
 

@@ -17,13 +17,19 @@ from tubeplanner.limits.holding_limit import HoldingLimit
 from tubeplanner.limits.path_samples import PathSamples
 from tubeplanner.optimizer.phased_spline import SampledSpline
 from tubeplanner.optimizer.region_constraints import Planes
-from tubeplanner.optimizer.rows import EvaluatedSpeedLimit, Rows
+from tubeplanner.optimizer.rows import (
+    INNER_MARGIN,
+    MERIT_TOLERANCE,
+    EvaluatedSpeedLimit,
+    Rows,
+)
 from tubeplanner.optimizer.step_program import Step
 
 # A prediction may leave a cone by this share of the nominal.
 _OUTSIDE = 0.002
-# At rest, where no lower speed helps, steps aim this far inside.
-_REST_MARGIN = 0.002
+# Samples outside a cone at rest, where no lower speed helps, count as inside by this share: what
+# the merit function asks for, which has a price for being outside.
+LEAST_AT_REST = INNER_MARGIN - MERIT_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +46,19 @@ class EvaluatedCones:
     path: PathSamples  # the arm there
     duration: float  # T [s]
     numbers: IntArray  # of the limit's keys among those of all limits
-    is_at_rest: bool  # whether the arm rests at every sample; else it runs in T
-    # whether rows of the limit bound the cones already, along present directions
-    is_speed: bool
+    # whether the arm rests at every sample: elastic; else it runs in T, and rows of the limit bound
+    # the cones already, along present directions
+    is_at_rest: bool
+
+    @property
+    def is_speed(self) -> bool:
+        """True if the cones' vectors depend on the duration."""
+        return not self.is_at_rest
+
+    @cached_property
+    def excess(self) -> FloatArray:
+        """Distance of samples outside the narrowed cones, as shares of the nominal, (N,)."""
+        return self._excess_of(self.vector).reshape(len(self.path), -1).max(axis=1)
 
     @cached_property
     def vector(self) -> FloatArray:
@@ -64,12 +80,12 @@ class EvaluatedCones:
         self, vector: FloatArray, room: float, *, are_alone: bool = False
     ) -> Planes:
         """Return the tangent planes where other vectors (N J, 4) are outside."""
-        excess = np.linalg.norm(vector[:, :3], axis=1) - vector[:, 3] + self._margin
-        return self._tangents(vector, np.flatnonzero(excess > _OUTSIDE))
+        outside = np.flatnonzero(self._excess_of(vector) > room + _OUTSIDE)
+        return self._tangents(vector, outside)
 
     def room(self, step: Step) -> float:
-        """Return the room that a step makes beyond the cones: none."""
-        return 0.0
+        """Return the room that a step makes beyond the cones, as a share of the nominal."""
+        return step.elastic if self.is_at_rest else 0.0
 
     def after(self, control: FloatArray, step: Step) -> FloatArray:
         """Return the vectors after a step that changes control points (K, n), to first order."""
@@ -113,7 +129,11 @@ class EvaluatedCones:
 
     @property
     def _margin(self) -> float:
-        return _REST_MARGIN if self.is_at_rest else 0.0
+        return INNER_MARGIN if self.is_at_rest else 0.0
+
+    def _excess_of(self, vector: FloatArray) -> FloatArray:
+        excess: FloatArray = np.linalg.norm(vector[:, :3], axis=1) - vector[:, 3] + self._margin
+        return excess
 
     @cached_property
     def _parts(self) -> tuple[FloatArray, FloatArray]:
@@ -145,4 +165,4 @@ def evaluated_cones(evaluated: EvaluatedSpeedLimit, duration: float) -> list[Eva
     if not isinstance(limit, HoldingLimit):
         return []
     place = (limit, evaluated.at, evaluated.path, duration, evaluated.numbers)
-    return [EvaluatedCones(*place, False, True), EvaluatedCones(*place, True, False)]
+    return [EvaluatedCones(*place, False), EvaluatedCones(*place, True)]

@@ -10,6 +10,7 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.limits.holding_limit import HoldingLimit
 from tubeplanner.limits.joint_efforts import SidedEffort
 from tubeplanner.limits.path_samples import (
     FRICTION_PIECES,
@@ -21,7 +22,11 @@ from tubeplanner.limits.path_samples import (
 )
 from tubeplanner.limits.rates import RATES, JointRate
 from tubeplanner.limits.speed_limits import speed_limits
-from tubeplanner.optimizer.cone_constraints import EvaluatedCones, evaluated_cones
+from tubeplanner.optimizer.cone_constraints import (
+    LEAST_AT_REST,
+    EvaluatedCones,
+    evaluated_cones,
+)
 from tubeplanner.optimizer.link_constraints import EvaluatedLinks, LinkConstraints
 from tubeplanner.optimizer.phased_spline import (
     EvaluationPoints,
@@ -151,7 +156,10 @@ class SplineConstraints:
         self._run_in, self._blended = run_in, BLENDED
         self._largest_rates: FloatArray | None = None
         self._problem, self._grid, self.links, self._radius = problem, grid, links, radius
-        limits = speed_limits(problem)
+        limits = tuple(
+            HoldingLimit(problem, LEAST_AT_REST) if isinstance(limit, HoldingLimit) else limit
+            for limit in speed_limits(problem)
+        )
         self._goal_keys = goal_keys(problem)
         tube, count = problem.tube, problem.tube.segment_count
         of_speed = [key for limit in limits for key in limit.keys]
@@ -271,6 +279,11 @@ class SplineConstraints:
                 higher = _peaks(slowest, self._higher * current.duration**2)
                 self._watched_samples[with_jerk] = samples.and_also(dense.where(higher))
                 has_more |= len(higher) > 0
+        at_rest = (cones.excess for cones in worst.cones if cones.is_at_rest)
+        for lost in (_peaks(excess, 0.0) for excess in at_rest):
+            watched = self._watched_samples[False]
+            self._watched_samples[False] = watched.and_also(dense.where(lost))
+            has_more |= len(lost) > 0
         # Compulsory points are passed at switching times, and need no other samples.
         in_tube = [part for part in worst.tool if part.at.evaluation_points is dense]
         outside = np.concatenate([_peaks(part.excess, 0.0) for part in in_tube])
@@ -316,10 +329,12 @@ class SplineConstraints:
         )
         regions, rotations, kinks = self._tool_at(arm, tube_samples)
         links = self.links.at(spline)
-        elastic: list[EvaluatedRegions | EvaluatedRotation | EvaluatedLinks]
-        elastic = [*regions, *rotations, links]
         squared_duration = max(float(limit.squared_durations.max()) for limit in limits)
         duration = self._run_in or float(np.sqrt(squared_duration))
+        cones = tuple(chain(*(evaluated_cones(limit, duration) for limit in limits)))
+        at_rest = [each for each in cones if each.is_at_rest]
+        elastic: list[EvaluatedRegions | EvaluatedRotation | EvaluatedLinks | EvaluatedCones]
+        elastic = [*regions, *rotations, links, *at_rest]
         return Iterate(
             spline,
             squared_duration,
@@ -328,7 +343,7 @@ class SplineConstraints:
             limits,
             regions,
             tuple(chain(*(evaluated_speeds(limit, duration) for limit in limits))),
-            tuple(chain(*(evaluated_cones(limit, duration) for limit in limits))),
+            cones,
             rotations,
             kinks,
             tuple(chain(*(arm.friction_kinks(limit) for limit in limits))),
