@@ -88,11 +88,10 @@ class Cup:
     def cones(self, part: Payload) -> list[Cone]:
         """Return the cones of a part."""
         pull, mu, r = self.force / self.safety, self.friction, self.radius
-        slide, tip = mu * pull, r * pull / 2
+        slide, tip = mu * pull, r * pull
         return [
             Cone("slides", np.array([_FX, _FY, _TZ / r]), mu * _FZ, slide, slide),
-            # The lip opens nowhere: the pressure is linear over the ring.
-            Cone("tips", np.array([_TX, _TY]), r / 2 * _FZ, tip, tip),
+            Cone("tips", np.array([_TX, _TY]), r * _FZ, tip, tip),
         ]
 
 
