@@ -101,7 +101,7 @@ def value_text(value: Any) -> str:
 
 # ---- Times, and limits that cost time.
 
-_MIN_SAVING = 1e-6  # [s]: smaller savings are rounding
+MIN_SAVING = 1e-6  # [s]: smaller savings are rounding
 
 
 class LimitCost(Protocol):
@@ -115,12 +115,12 @@ class LimitCost(Protocol):
 def in_milliseconds(seconds: float) -> str:
     """Return a time in ms, with two digits or more."""
     value = 1000 * seconds
-    return f"{value:.0f} ms" if value >= 9.95 else f"{value:.2g} ms"
+    return f"{value:.0f} ms" if abs(value) >= 9.95 else f"{value:.2g} ms"
 
 
 def savings(costs: Iterable[LimitCost]) -> list[str]:
     """Return the limits whose rise saves time, each with its saving, in the given order."""
-    return [str(cost) for cost in costs if cost.saved > _MIN_SAVING]
+    return [str(cost) for cost in costs if cost.saved > MIN_SAVING]
 
 
 # ---- Cells of tables that spreadsheets would run: text that begins as a formula does.

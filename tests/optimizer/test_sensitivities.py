@@ -13,6 +13,8 @@ from tubeplanner.limits.path_samples import LimitKey
 from tubeplanner.optimizer.descent import Descent, DescentState, SequentialProgram
 from tubeplanner.optimizer.stages import Refinement, limit_sensitivities
 from tubeplanner.optimizer.step_search import TrustRegion
+from tubeplanner.robot.pinocchio_model import Payload
+from tubeplanner.task.holding import Cup, Holding
 
 NAMES = ("joint1", "joint2")
 # Both joints come so near to these ends that they count.
@@ -90,10 +92,18 @@ def by_side(column):
     return made
 
 
+def by_cup(which=None, factor=1.0):
+    """Change one number of a cup that pulls along the hand, or the mass of its part."""
+    held = Holding(CUP, Payload(0.5, (0.02, 0.01, 0.0)))
+    held = held if which is None else held.raised(which, factor - 1)
+    return replace(problem_with(), holding=[held])
+
+
 def by_tube(field, *values):
     return lambda which=None, factor=1.0: problem_with(**{field: scaled(values, which, factor)})
 
 
+CUP = Cup(force=12.0, radius=0.03, friction=0.4, normal=(1.0, 0.0, 0.0))
 EFFORTS = {"joint1": 95.0, "joint2": 27.0}
 TURNED = {"gravity": (0, -9.81, 0), "effort": dict.fromkeys(NAMES, 200.0)}
 # By kind: problems with that limit changed, and the power of the speed that it is of; None: with
@@ -110,10 +120,12 @@ CASES = {
     "radius": (by_tube("radius", 0.05, 0.05), 0),
     "width": (by_side(0), 0),
     "height": (by_side(1), 0),
+    "holding": (by_cup, None),
     "effort with friction": (by_joint("effort", *EFFORTS.values(), motors=UNSURE), None),
     "motor_curve with friction": (by_line, None),
 }
 POWERS = {kind: power for kind, (_, power) in CASES.items()} | {"effort_rate": 3}
+COUNTS = {"holding": 4}  # else 2
 
 
 def refined(problem):
@@ -139,13 +151,14 @@ def test_prices_are_what_planning_again_finds(name):
     program, best = polished(made(), refined(made()).spline)
     prices = program.elasticities(best)
     own = {key: price for key, price in prices.items() if key.kind == kind}
-    assert len({(key.joint, key.segment, key.point) for key in own}) == 2
-    assert all(price <= 0 for price in prices.values())
+    names = {key: (key.joint, key.segment, key.point, key.parameter) for key in own}
+    assert len(set(names.values())) == COUNTS.get(kind, 2)
+    assert all(price <= 0 for key, price in prices.items() if key.parameter != "mass")
     if power is not None:  # twice the efforts, four times the speed... T falls in proportion
         total = sum(POWERS[key.kind] * price for key, price in prices.items())
         assert total == pytest.approx(-1.0, abs=1e-4)
     for key, price in own.items():
-        (which,) = {key.joint, key.segment, key.point} - {None}
+        (which,) = set(names[key]) - {None}
         changed = (made(which, factor) for factor in (1.005, 0.995))
         durations = [polished(problem, best.spline)[1].duration for problem in changed]
         quotient = np.log(durations[0] / durations[1]) / np.log(1.005 / 0.995)
@@ -168,6 +181,15 @@ def test_prices_name_what_they_are_of_and_the_dearest_come_first():
         "effort of joint2: 20 ms",
         "tolerance of the goal: 0 ms",
     ]
+
+
+def test_a_contact_has_prices_per_newton_and_per_kilogram():
+    keys = {LimitKey("holding", contact=0, parameter=name): 0.3 for name in ("force", "mass")}
+    refinement = SimpleNamespace(elasticities=lambda: keys)
+    force, mass = limit_sensitivities(by_cup(), refinement, 2.0)
+    assert (str(force), force.unit) == ("holding.cup.force: -60 ms", "N")
+    assert force.saved_per_unit == pytest.approx(-0.3 * 2.0 / CUP.force)
+    assert (mass.field, mass.unit, mass.saved_per_unit) == ("holding.part.mass", "kg", -1.2)
 
 
 def test_only_refinement_has_sensitivities_and_the_dearest_come_first(planned):

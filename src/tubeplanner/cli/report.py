@@ -21,7 +21,7 @@ from tubeplanner.task.info import task_doubts
 from tubeplanner.task.legs import Leg, Stop, stop_text
 from tubeplanner.task.motion import CycleMotion, Motion, Task
 from tubeplanner.task.side_files import fitting_presets
-from tubeplanner.text import savings
+from tubeplanner.text import MIN_SAVING, in_milliseconds, savings
 
 if TYPE_CHECKING:
     from tubeplanner.planning.result import CycleResult, LegPlan, PlanResult
@@ -75,6 +75,14 @@ def plan_text(
         lines.append(f"raising a limit by 10 % would save{of_cycle}: {savings_text}")
     if isinstance(result, CycleResult):
         lines += _gain_lines(result)
+    else:
+        prices = ", ".join(
+            f"{each.field} {in_milliseconds(abs(each.saved_per_unit))} per {each.unit} "
+            f"{'more' if each.saved > 0 else 'less'}"
+            for each in result.sensitivities
+            if each.saved_per_unit is not None and abs(each.saved) > MIN_SAVING
+        )
+        lines += [f"holding the part better would save: {prices}"] * bool(prices)
     if with_minimum:
         lines += _minimum_lines(robot, result)
     lines += after

@@ -5,7 +5,7 @@ the tool centre point's axes: the acceleration of that point less gravity, the a
 and the six products of the angular velocity. M is the same everywhere; z0 is gravity alone.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,13 +18,6 @@ from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.task.holding import Holding
 from tubeplanner.task.problem import PlanningProblem
 
-# What a cone's margin is relative to grows in proportion to this parameter of the contact.
-_PARAMETERS = {
-    "cup": {"slides": "friction", "tips": "force"},
-    "tray": {"slides": "friction", "tips": "foot"},
-    "gripper": {"slides": "friction", "tips": "force"},
-    "liquid": {"spills": "tilt"},
-}
 # Rows and columns of the products of angular velocities.
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 _PRODUCTS = len(_ROWS)
@@ -108,13 +101,23 @@ class HoldingLimit:
     order = 2
     signs = (1.0,)
 
-    def __init__(self, problem: PlanningProblem, least_at_rest: float | None = None) -> None:
-        """Take the parts that a problem's tool holds."""
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        least_at_rest: float | None = None,
+        holdings: Sequence[Holding] | None = None,
+    ) -> None:
+        """Take the parts that a problem's tool holds, or others in their place."""
         self.least_at_rest = least_at_rest
+        self._problem = problem
+        self._holdings = problem.holding if holdings is None else holdings
         offset = problem.robot.tool_offset.placement
-        across, along, offsets, keys = [], [], [], []
+        across, along, offsets, first = [], [], [], []
+        keys: list[LimitKey] = []
         self.names: list[str] = []
-        for k, holding in enumerate(problem.holding):
+        for k, holding in enumerate(self._holdings):
+            first += len(holding.cones) * [len(keys)]
+            keys += (LimitKey(self.kind, contact=k, parameter=name) for name in holding.priced)
             by_motion = wrench_map(holding, offset)
             for cone in holding.cones:
                 rows = np.zeros((3, 12))
@@ -122,13 +125,18 @@ class HoldingLimit:
                 across.append(rows / cone.nominal)
                 along.append(cone.along @ by_motion / cone.nominal)
                 offsets.append(cone.offset / cone.nominal)
-                parameter = _PARAMETERS[holding.kind][cone.name]
-                keys.append(LimitKey(self.kind, contact=k, parameter=parameter))
                 self.names.append(f"{holding.kind} {cone.name}")
-        self.keys = tuple(dict.fromkeys(keys))
-        self._key = np.array([self.keys.index(key) for key in keys], dtype=np.int64)
+        self.keys = tuple(keys)
+        self._first = np.array(first, dtype=np.int64)
         self._across, self._along = np.array(across), np.array(along)
         self._offset = np.array(offsets)
+
+    def raised(self, key: LimitKey, fraction: float) -> "HoldingLimit":
+        """Return the limit with a number of a contact or the part's mass larger by a fraction."""
+        holdings = list(self._holdings)
+        assert key.contact is not None and key.parameter is not None
+        holdings[key.contact] = holdings[key.contact].raised(key.parameter, fraction)
+        return HoldingLimit(self._problem, self.least_at_rest, holdings)
 
     def parts(self, at: PathSamples) -> ConeParts:
         """Return the cones at samples."""
@@ -194,15 +202,15 @@ class HoldingLimit:
         return np.cross(turning, -_gravity(at)[:, :, None], axis=1)
 
     def key_of(self, at: PathSamples) -> IntArray:
-        """Return the index of each cone's key, shape (1, J)."""
-        return self._key[None]
+        """Return the index of the first key of each cone's contact, shape (1, J)."""
+        return self._first[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return the refusal of the sample that leaves a cone at rest by most."""
         parts = self.parts(at)
         excess = np.linalg.norm(parts.x0, axis=2) - parts.t0
         sample, cone = np.unravel_index(int(excess.argmax()), excess.shape)
-        contact = self.keys[self._key[cone]].contact or 0
+        contact = self.keys[self._first[cone]].contact or 0
         holding = at.problem.holding[contact]
         rotation, tool = at.tool_pose
         frame = rotation[sample] @ at.problem.robot.tool_offset.placement[:3, :3].T

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import starmap
 
 import numpy as np
@@ -130,8 +131,9 @@ class SequentialProgram:
         return self.constraints.at(within)
 
     def elasticities(self, current: Iterate) -> dict[LimitKey, float]:
-        """Return d ln T / d ln p of an optimal spline, for every limit p: none is positive.
+        """Return d ln T / d ln p of an optimal spline, for every limit p.
 
+        None is positive but of the masses of held parts.
         Half of the cost of a limit's rows, as their objective is the relative change of T^2. Empty
         if constraints stay violated.
         """
@@ -164,7 +166,9 @@ class SequentialProgram:
         of_speed = {key for limit in current.limits for key in limit.limit.keys}
         is_of_speed = np.array([key in of_speed for key in keys], dtype=bool)
         plausible = np.where(is_of_speed, _PLAUSIBLE_OF_SPEED, _PLAUSIBLE_OF_TUBE)
-        costs = limit_costs(linear, plausible, self.constraints.rise(current))
+        rises = self.constraints.shared_rise(current).items()
+        shared = {number: partial(linear.gained, *gains) for number, gains in rises}
+        costs = limit_costs(linear, plausible, self.constraints.rise(current), shared)
         if costs is None:
             return {}
         # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.

@@ -115,6 +115,17 @@ class Linearization:
         total = np.concatenate([np.zeros(0), *by_part]) + extra
         return Block(rows, total, self._bounds, self._quadratic, self.penalty)
 
+    def gained(self, rows: FloatArray, vectors: list[FloatArray]) -> FloatArray:
+        """Return the slack that the program's rows gain, shape (R,).
+
+        Args:
+            rows: Gain of all rows, by their numbers.
+            vectors: Changes of the vectors of every kind of regions.
+        """
+        plain = self.plain
+        more = Slack(plain.rows + rows[self._rows.index], vectors)
+        return self.block(more).slack - self.block(plain).slack
+
     @property
     def elastic_rows(self) -> FloatArray:
         """1 for rows of the program that may be violated, else 0."""

@@ -75,6 +75,8 @@ WIDELY_BLENDED, BLENDED = 12.0, 5.0
 # Peaks of the squared duration between samples that count.
 _HIGHER, _HIGHER_IN_A_GIVEN_DURATION = 1.001, 1.0002
 
+_SMALL_RISE = 1e-4  # for differences
+
 # The constraints other than regions.
 EvaluatedRows: TypeAlias = EvaluatedSpeedLimit | EvaluatedRotation | EvaluatedLinks
 
@@ -249,6 +251,27 @@ class SplineConstraints:
         others = current.constraints[len(current.limits) :]
         counts = [np.ones(constraint.row_count) for constraint in others]
         return np.concatenate([*(limit.rise for limit in current.limits), *counts])
+
+    def shared_rise(self, current: Iterate) -> dict[int, tuple[FloatArray, list[FloatArray]]]:
+        """Return gains by a relative rise of each number of contacts, by the limits' numbers.
+
+        All cones of a contact depend on its numbers. Gains are of the rows' slack, by their
+        numbers, and of the vectors of every kind of regions.
+        """
+        gains, before = {}, self.slack(current, current, 1.0)
+        for k, evaluated in enumerate(current.limits):
+            if not isinstance(evaluated.limit, HoldingLimit):
+                continue
+            for key, number in zip(evaluated.limit.keys, evaluated.numbers.tolist(), strict=True):
+                other = replace(evaluated, limit=evaluated.limit.raised(key, _SMALL_RISE))
+                limits = (*current.limits[:k], other, *current.limits[k + 1 :])
+                cones = tuple(evaluated_cones(other, current.duration))
+                raised = replace(current, limits=limits, cones=cones)
+                rows = (self.slack(current, raised, 1.0) - before) / _SMALL_RISE
+                each = zip(raised.convex, current.convex, strict=True)
+                vectors = [(there.vector - here.vector) / _SMALL_RISE for there, here in each]
+                gains[number] = rows, vectors
+        return gains
 
     def slack(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
         """Return the slack at a trial of a spline's rows, by their numbers.

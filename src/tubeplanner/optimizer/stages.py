@@ -31,6 +31,7 @@ from tubeplanner.optimizer.step_objective import MeasuredObjective
 from tubeplanner.optimizer.step_search import TrustRegion
 from tubeplanner.optimizer.tube_phases import widened_radius
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
+from tubeplanner.task.holding import PRICED
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import in_milliseconds
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
@@ -351,15 +352,20 @@ class Sensitivity:
     Attributes:
         limit: "effort" and "effort_rate" (both directions together), "velocity", "acceleration",
             "jerk", "velocity_by_position", "tool_speed", "point_speed", "radius", "rotation",
-            "width" or "height" of a box, or "tolerance" or "rotation_tolerance" of the goal.
+            "width" or "height" of a box, "tolerance" or "rotation_tolerance" of the goal, or
+            "holding".
         joint: Name of the joint; None for a limit of a segment, a point or the goal.
         segment: Number of the segment, or of the first of joined ones; None for others.
-        elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative
-            rise of the limit.
+        elasticity: d ln T / d ln limit: the relative change of the duration per relative rise of
+            the limit. At most 0, but for the mass of a held part.
         saved: Duration that 10 % more would save [s], to first order.
         last_segment: Number of the last of joined segments; None for others.
         link: Link of the point; None for others.
         point: Index of the point among those whose speed is limited; None for others.
+        field: Path of the number of a holding, such as "holding.cup.force"; None for others. The
+            mass of a part is changed alone: the arm's payload stays.
+        unit: Unit of `saved_per_unit`: "N", "0.1", "mm", "degree" or "kg"; None for others.
+        saved_per_unit: Duration that one unit more saves [s], to first order; None for others.
     """
 
     limit: str
@@ -370,8 +376,13 @@ class Sensitivity:
     last_segment: int | None = None
     link: str | None = None
     point: int | None = None
+    field: str | None = None
+    unit: str | None = None
+    saved_per_unit: float | None = None
 
     def __str__(self) -> str:
+        if self.field is not None:
+            return f"{self.field}: {in_milliseconds(self.saved)}"
         location = self.joint or ("the goal" if self.segment is None else f"segment {self.segment}")
         if self.last_segment not in (None, self.segment):
             location = f"segments {self.segment} to {self.last_segment}"
@@ -397,7 +408,14 @@ def limit_sensitivities(
             last = tube.segment_number(key.segment, end)
         saved = -elasticity * _RISE * duration
         own = (key.kind, joint, first, elasticity, saved, last, key.link, key.point)
-        sensitivities.append(Sensitivity(*own))
+        price: tuple[str | None, str | None, float | None] = None, None, None
+        if key.contact is not None and key.parameter is not None:
+            holding, number = problem.holding[key.contact], f".{key.contact}"
+            owner = "part" if key.parameter == "mass" else holding.kind
+            unit, size = PRICED[key.parameter]
+            path = f"holding{number * (len(problem.holding) > 1)}.{owner}.{key.parameter}"
+            price = path, unit, saved / _RISE * size / holding.priced[key.parameter]
+        sensitivities.append(Sensitivity(*own, *price))
     return tuple(sorted(sensitivities, key=lambda sensitivity: -sensitivity.saved))
 
 

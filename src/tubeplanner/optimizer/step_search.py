@@ -1,6 +1,6 @@
 """Steps of the optimiser: trust region, the programs of a step, the cost of each limit."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -208,12 +208,20 @@ _TOLERANCE = 1e-6  # of the solution, absolute and relative
 
 
 def limit_costs(
-    linear: Linearization, plausible: FloatArray, rise: FloatArray
+    linear: Linearization,
+    plausible: FloatArray,
+    rise: FloatArray,
+    shared: Mapping[int, Callable[[], FloatArray]],
 ) -> FloatArray | None:
     """Return the cost of each limit, shape (L,): d ln T^2 by its relative rise.
 
-    Multipliers are believed up to `plausible` (L,). `rise` is the slack of each row per relative
-    rise of its limit, by the rows' numbers; of planes, 1.
+    Args:
+        linear: The linearization.
+        plausible: Costs up to which multipliers are believed, shape (L,).
+        rise: The slack of each row per relative rise of its limit, by the rows' numbers; of planes
+            it is 1.
+        shared: Of limits that are not the only ones of their rows, by number: a function that
+            returns the slack of all the program's rows per relative rise.
 
     Returns:
         None if constraints stay violated: multipliers tell the penalty alone.
@@ -227,8 +235,11 @@ def limit_costs(
     costs, has_limit = np.zeros(len(plausible)), limit[:count] >= 0
     by_row = np.maximum(step.multipliers * gained[:count], 0.0)
     np.add.at(costs, limit[:count][has_limit], by_row[has_limit])
-    for k in np.flatnonzero(costs > plausible):
-        risen = _solved(linear, _RISE * gained * (limit == k))
+    gains = {k: gain() for k, gain in shared.items()}
+    for k, gain in gains.items():
+        costs[k] = np.maximum(step.multipliers, 0.0) @ gain[:count]
+    for k in np.flatnonzero(costs > plausible).tolist():
+        risen = _solved(linear, _RISE * gains.get(k, gained * (limit == k)))
         if risen is not None:
             costs[k] = max(step.duration - risen.duration, 0.0) / _RISE
     return costs

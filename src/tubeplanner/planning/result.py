@@ -510,7 +510,7 @@ class CycleSensitivity:
     """The cost of one limit over a cycle, with the ends of all moves fixed.
 
     Attributes:
-        limit: As of a `Sensitivity`.
+        limit: As of a `Sensitivity`, of a holding its field.
         joint: As of a `Sensitivity`.
         move: The move of a tolerance; None for limits of joints, which count in all moves.
         segment: The segment of that move, or the first of joined ones; None for others.
@@ -546,7 +546,7 @@ def cycle_sensitivities(cycle: Cycle, plans: Sequence[LegPlan]) -> tuple[CycleSe
             else:
                 move, first, last = leg.segments_of_move(each.segment, each.last_segment)
                 location = move.name, first, last
-            key = (each.limit, each.joint, *location)
+            key = (each.field or each.limit, each.joint, *location)
             saved[key] = saved.get(key, 0.0) + each.saved
     sums = [CycleSensitivity(*key[:4], value, key[4]) for key, value in saved.items()]
     return tuple(sorted(sums, key=lambda each: -each.saved))

@@ -11,9 +11,9 @@ angular acceleration al, all in the tool frame. A contact holds while W is in co
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -194,6 +194,14 @@ class Liquid:
         return [Cone("spills", np.array([_FX, _FY]), slope * _FZ, 0.0, nominal)]
 
 
+# Numbers that have a price, each with the unit that the price is for, and its size.
+PRICED = {
+    "force": ("N", 1.0),
+    "friction": ("0.1", 0.1),
+    **dict.fromkeys(("radius", "foot", "pad", "torsion"), ("mm", 1e-3)),
+    "tilt": ("degree", float(np.radians(1))),
+    "mass": ("kg", 1.0),
+}
 ContactKind: TypeAlias = Cup | Tray | Gripper | Liquid
 CONTACT_KINDS: tuple[type[ContactKind], ...] = (Cup, Tray, Gripper, Liquid)
 
@@ -231,6 +239,31 @@ class Holding:
         """The part, of a liquid 1 kg at the middle of its surface."""
         assert self.part is not None
         return self.part
+
+    @cached_property
+    def priced(self) -> dict[str, float]:
+        """The contact's numbers that have a price, and the part's mass [N, m, rad or kg].
+
+        The shorter side of a foot or a pad.
+        """
+        numbers = {name: getattr(self.contact, name, None) for name in PRICED}
+        if self.kind != "liquid":
+            numbers["mass"] = self.mass_properties.mass
+        return {name: float(np.min(each)) for name, each in numbers.items() if each is not None}
+
+    def raised(self, name: str, fraction: float) -> "Holding":
+        """Return the holding with a priced number larger by a fraction; inertia grows with mass."""
+
+        def larger(value: float | tuple[float, ...]) -> Any:
+            raised = (1 + fraction) * np.array(value)
+            return tuple(raised.tolist()) if raised.ndim else float(raised)
+
+        part, contact = self.mass_properties, self.contact
+        if name == "mass":
+            part = replace(part, mass=larger(part.mass), inertia=larger(part.inertia))
+        else:
+            contact = replace(contact, **{name: larger(getattr(contact, name))})
+        return replace(self, contact=contact, part=part)
 
     @cached_property
     def cones(self) -> tuple[Cone, ...]:
