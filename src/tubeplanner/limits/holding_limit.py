@@ -15,7 +15,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.path_samples import LimitKey, PathSamples
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
-from tubeplanner.task.holding import Holding
+from tubeplanner.task.holding import Holding, loss_at_rest
 from tubeplanner.task.problem import PlanningProblem
 
 # Rows and columns of the products of angular velocities.
@@ -208,23 +208,15 @@ class HoldingLimit:
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return the refusal of the sample that leaves a cone at rest by most."""
         parts = self.parts(at)
-        excess = np.linalg.norm(parts.x0, axis=2) - parts.t0
-        sample, cone = np.unravel_index(int(excess.argmax()), excess.shape)
-        contact = self.keys[self._first[cone]].contact or 0
-        holding = at.problem.holding[contact]
-        rotation, tool = at.tool_pose
-        frame = rotation[sample] @ at.problem.robot.tool_offset.placement[:3, :3].T
-        gravity = at.problem.robot.gravity
-        upwards = -gravity @ frame @ holding.axes[:, 2]
-        lean = float(np.degrees(np.arccos(upwards / max(float(np.linalg.norm(gravity)), 1e-300))))
+        sample = int((np.linalg.norm(parts.x0, axis=2) - parts.t0).max(axis=1).argmax())
+        q, problem = at.position[sample], at.problem
+        reason = loss_at_rest(problem.robot, problem.holding, q) or "the held part is lost at rest"
         return Infeasible(
             PlanStatus.NO_TRAJECTORY,
-            f"the held part {self.names[cone].split()[1]} off at rest: the {holding.kind}'s normal "
-            f"is {lean:.1f} degrees from upright there, {100 * excess[sample, cone]:.1f} % more "
-            "than the contact carries; keep the tool more level (tube.orientations, "
-            "tube.rotation_tolerance) or hold the part better",
-            Location().at(tool[sample]),
-            configuration=at.position[sample],
+            f"{reason}; keep the tool more level (tube.orientations and tube.rotation_tolerance), "
+            "or hold the part better",
+            Location().at(at.tool_pose[1][sample]),
+            configuration=q,
         )
 
     def _slowed(self, at: PathSamples) -> ConeParts:
