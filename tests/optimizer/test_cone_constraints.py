@@ -12,7 +12,6 @@ from tubeplanner.optimizer.cone_constraints import LEAST_AT_REST, EvaluatedCones
 from tubeplanner.optimizer.phased_spline import PhasedSpline, sampled
 from tubeplanner.optimizer.rows import INNER_MARGIN
 from tubeplanner.optimizer.starts import knot_grid
-from tubeplanner.optimizer.step_program import Step
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.holding import Holding, Tray
 
@@ -31,7 +30,7 @@ def spline(problem, shift=0.0, switching=0.0):
     grid = knot_grid(TIMES, 7)
     points = np.tile(problem.start, (grid.control_point_count, 1))
     points[3:] += 0.05 * np.sin(np.arange(len(points) - 3))[:, None] * (1, 1, -1, 0.5, 2, 1)
-    return PhasedSpline(grid, TIMES + [0, switching, 0], points + shift)
+    return PhasedSpline(grid, TIMES + np.array([0, switching, 0]), points + shift)
 
 
 def cones(problem, own, *, is_at_rest, duration=DURATION):
@@ -50,13 +49,13 @@ def test_a_step_predicts_vectors_and_slack_to_first_order(carrying, is_at_rest):
     change = 1e-3 * np.random.default_rng(5).normal(size=own.control_points.shape)
     planes, errors = here.planes, []
     for share in (1.0, 0.5):
-        step = Step(change, share * np.array([2e-3]), share * 0.02, 0.0, np.zeros(0))
+        step = (share * change, share * np.array([2e-3]), share * 0.02)
         moved = spline(carrying, share * change, 2e-3 * share)
-        exact = cones(carrying, moved, is_at_rest=is_at_rest).vector_in(DURATION, step.duration)
-        predicted = here.after(share * change, step)
+        exact = cones(carrying, moved, is_at_rest=is_at_rest).vector_in(DURATION, step[2])
+        predicted = here.after(*step)
         errors.append(abs(predicted - exact).max())
         assert errors[-1] < 0.05 * abs(exact - here.vector).max()
-        used = here.rows(planes).used_by_step(share * change, step.switching, step.duration)
+        used = here.rows(planes).used_by_step(*step)
         np.testing.assert_allclose(
             here.slack(planes) - used, here.slack(planes, predicted - here.vector), atol=1e-12
         )

@@ -87,14 +87,16 @@ class EvaluatedCones:
         """Return the room that a step makes beyond the cones, as a share of the nominal."""
         return step.elastic if self.is_at_rest else 0.0
 
-    def after(self, control: FloatArray, step: Step) -> FloatArray:
-        """Return the vectors after a step that changes control points (K, n), to first order."""
+    def after(
+        self, control: FloatArray, switching: FloatArray, duration: float = 0.0
+    ) -> FloatArray:
+        """Return the vectors after a step, as of `Rows.used_by_step`, to first order."""
         shape = (len(self.path), -1, 4)
         after = self.vector.reshape(shape).copy()
         if not self.is_at_rest:
-            after += step.duration * self._parts[0]
+            after += duration * self._parts[0]
         for order, by in self._by_path.items():
-            change = self.at.change(control, step.switching, order)
+            change = self.at.change(control, switching, order)
             after += np.einsum("njki,ni->njk", by, change)
         return after.reshape(-1, 4)
 

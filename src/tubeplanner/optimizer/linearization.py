@@ -214,8 +214,8 @@ class Linearization:
 
     def _after(self, step: Step) -> list[FloatArray]:
         """Return the regions' vectors after a step, to first order."""
-        control = self._variables.change(step.control)
-        return [regions.after(control, step) for regions in self._current.convex]
+        change = (self._variables.change(step.control), step.switching, step.duration)
+        return [regions.after(*change) for regions in self._current.convex]
 
     def _slack_after(self, step: Step) -> FloatArray:
         """Return the slack of all rows after a step, to first order."""

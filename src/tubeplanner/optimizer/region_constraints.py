@@ -140,11 +140,13 @@ class EvaluatedRegions:
         """Return the vectors (N, 3) of a run in another duration: the same."""
         return self.vector
 
-    def after(self, control: FloatArray, step: Step) -> FloatArray:
-        """Return the vectors after a step that changes control points (K, n), to first order."""
+    def after(
+        self, control: FloatArray, switching: FloatArray, duration: float = 0.0
+    ) -> FloatArray:
+        """Return the vectors after a step, as of `Rows.used_by_step`, to first order."""
         after = self.vector.copy()
         for order, by in self._by_path.items():
-            after += np.einsum("nij,nj->ni", by, self.at.change(control, step.switching, order))
+            after += np.einsum("nij,nj->ni", by, self.at.change(control, switching, order))
         return after
 
     def slack(self, planes: Planes, bend: FloatArray | None = None) -> FloatArray:
