@@ -11,6 +11,7 @@ from tubeplanner.certificate.verification import Certificate, CycleCertificate, 
 from tubeplanner.cli import console
 from tubeplanner.cli.report import check_lines, geometry_lines
 from tubeplanner.errors import OptionError, unknown_name
+from tubeplanner.limits.holding_limit import holding_peaks
 from tubeplanner.limits.peaks import peaks_as_dict, trajectory_peaks
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.outcome import Location
@@ -89,6 +90,7 @@ def check(
             "certificate_time": certificate_time,
             "loading_time": loading_time,
             **peaks_as_dict(trajectory_peaks(robot, motion.trajectory)),
+            "holding": [each.as_dict() for each in holding_peaks(motion.sections)],
             **moves,
             "build": LIBRARY.build,
             "notes": notes,

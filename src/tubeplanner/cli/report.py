@@ -13,6 +13,7 @@ from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition, Tol
 from tubeplanner.certificate.verification import CONDITION_NAMES, Certificate, CycleCertificate
 from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED
 from tubeplanner.geometry.collision_checker import ALWAYS_TOUCHING, TOUCH_SAMPLES
+from tubeplanner.limits.holding_limit import HoldingPeak, holding_peaks
 from tubeplanner.limits.peaks import TrajectoryPeaks, trajectory_peaks
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import unlimited_notes
@@ -51,6 +52,7 @@ def plan_text(
     lines = [
         f"{task.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}",
         *([] if peaks is None else peaks_lines(robot, peaks)),
+        *holding_lines(result.holding),
         f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
         f"(certificate {result.certificate_time:.2f} s), method {result.method}",
     ]
@@ -106,6 +108,7 @@ def bound_lines(result: "PlanResult | CycleResult") -> list[str]:
 def check_lines(motion: Motion, certificate: Certificate | CycleCertificate) -> list[str]:
     """Return the peaks of a motion, its moves if any, its certificate, and its other speeds."""
     lines = peaks_lines(motion.task.robot, trajectory_peaks(motion.task.robot, motion.trajectory))
+    lines += holding_lines(holding_peaks(motion.sections))
     if isinstance(motion, CycleMotion) and isinstance(certificate, CycleCertificate):
         verdicts = [_verdict(certificate, leg) for leg in motion.cycle.legs]
         return [*lines, _timetable(motion, "certificate", verdicts), certificate_text(certificate)]
@@ -174,6 +177,11 @@ def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
             + "".join(f", or robot.preset: {name}" for name in fitting_presets(robot))
         )
     return lines
+
+
+def holding_lines(peaks: Sequence[HoldingPeak]) -> list[str]:
+    """Return a line on what contacts carry, if any holds a part."""
+    return [f"holding: {'; '.join(map(str, peaks))}"] * bool(peaks)
 
 
 def certificate_text(certificate: Certificate | CycleCertificate) -> str:

@@ -5,18 +5,23 @@ the tool centre point's axes: the acceleration of that point less gravity, the a
 and the six products of the angular velocity. M is the same everywhere; z0 is gravity alone.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.path_samples import LimitKey, PathSamples
+from tubeplanner.limits.peaks import refined_maximum
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.task.holding import Holding, loss_at_rest
+from tubeplanner.task.motion import MotionSection
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import json_value
+from tubeplanner.trajectory.joint_trajectory import TrajectorySamples
 
 # Rows and columns of the products of angular velocities.
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
@@ -243,3 +248,103 @@ def _numbers(motion: FloatArray) -> FloatArray:
     """Return the twelve numbers of the tool's motions (N, 9), shape (N, 12)."""
     spin = motion[:, 3:6]
     return np.hstack([motion[:, :3], motion[:, 6:], spin[:, _ROWS] * spin[:, _COLUMNS]])
+
+
+# ---- Shares of what contacts carry.
+
+_SAMPLES, _MIN_PER_PIECE = 1000, 12  # before the highest peaks are refined
+_BAND = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class HoldingUse:
+    """The share of what a contact carries that is used at N samples; 1: the part may be lost."""
+
+    holding: Holding
+    share: FloatArray  # at speed, shape (N,)
+    cone: IntArray  # index of the cone with that share, shape (N,)
+    share_at_rest: FloatArray  # standing still in each configuration, shape (N,)
+    # gravity less the acceleration of the part's centre of mass, in the contact's axes, (N, 3)
+    apparent_gravity: FloatArray
+
+
+def holding_uses(at: PathSamples) -> list[HoldingUse]:
+    """Return the use of every contact at samples, run at a speed of 1."""
+    still = np.pad(_gravity(at), ((0, 0), (0, 9)))
+    moving = still + _numbers(at.tool_motion)
+    uses = []
+    for holding in at.problem.holding:
+        to_wrench = wrench_map(holding, at.problem.robot.tool_offset.placement).T
+        wrench, rest = moving @ to_wrench, still @ to_wrench
+        shares = np.array([cone.share(wrench) for cone in holding.cones])
+        at_rest = np.max([cone.share(rest) for cone in holding.cones], axis=0)
+        gravity = -wrench[:, :3] / holding.mass_properties.mass
+        uses.append(
+            HoldingUse(holding, shares.max(axis=0), shares.argmax(axis=0), at_rest, gravity)
+        )
+    return uses
+
+
+@dataclass(frozen=True)
+class HoldingPeak:
+    """The largest share of what a contact carries that a motion uses.
+
+    Attributes:
+        kind: "cup", "tray", "gripper" or "liquid".
+        share: At speed; 1 is all that it carries, safety included.
+        happens: What the part does beyond: "slides", "tips" or "spills".
+        time: Of the share [s].
+        share_at_rest: Standing still anywhere on the path.
+    """
+
+    kind: str
+    share: float
+    happens: str
+    time: float
+    share_at_rest: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the JSON value; shares beyond any are the word ".inf"."""
+        fields: dict[str, Any] = json_value(asdict(self))
+        return fields
+
+    def __str__(self) -> str:
+        return (
+            f"{self.kind} at {100 * self.share:.1f} % of what it carries (then it {self.happens}, "
+            f"t = {self.time:.4f} s), at rest {100 * self.share_at_rest:.1f} %"
+        )
+
+
+def holding_peaks(sections: Iterable[MotionSection]) -> list[HoldingPeak]:
+    """Return the peak of every contact over a motion, from refined samples.
+
+    A contact of several sections has the highest peak of all.
+    """
+    peaks: dict[str, HoldingPeak] = {}
+    for section in sections:
+        count = max(_MIN_PER_PIECE, -(-_SAMPLES // len(section.trajectory.widths)))
+        samples = section.trajectory.per_piece(count)
+        for k, use in enumerate(_uses(section, samples)):
+            share, time = float(use.share.max()), float(samples.time[use.share.argmax()])
+            if np.isfinite(share):
+                at_times = partial(_shares, section, k)
+                band = _BAND * share
+                share, time = refined_maximum(at_times, samples.time, use.share, band=band)
+            highest = _uses(section, section.trajectory.at(np.array([time])))[k]
+            happens = use.holding.cones[highest.cone[0]].name
+            at_rest = float(use.share_at_rest.max())
+            peak = HoldingPeak(use.holding.kind, share, happens, section.begin + time, at_rest)
+            other = peaks.setdefault(repr(use.holding), peak)
+            highest_at_rest = max(at_rest, other.share_at_rest)
+            higher = peak if peak.share > other.share else other
+            peaks[repr(use.holding)] = replace(higher, share_at_rest=highest_at_rest)
+    return list(peaks.values())
+
+
+def _uses(section: MotionSection, samples: TrajectorySamples) -> list[HoldingUse]:
+    states = np.stack([samples.position, samples.velocity, samples.acceleration])
+    return holding_uses(PathSamples(section.problem, states)) if section.problem.holding else []
+
+
+def _shares(section: MotionSection, contact: int, time: FloatArray) -> FloatArray:
+    return _uses(section, section.trajectory.at(time))[contact].share

@@ -15,6 +15,7 @@ from tubeplanner.errors import FormerName
 from tubeplanner.first_guess.branch_and_bound import SearchStatistics
 from tubeplanner.first_guess.suh_bishop import PhaseTwoStatistics
 from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.limits.holding_limit import HoldingPeak, holding_peaks
 from tubeplanner.limits.lower_bound import LowerBound, lower_bound
 from tubeplanner.limits.peaks import TrajectoryPeaks, peaks_as_dict, trajectory_peaks
 from tubeplanner.limits.speed_limits import unused_speed
@@ -26,7 +27,7 @@ from tubeplanner.planning.tightening import Survival
 from tubeplanner.robot.notes import robot_notes, unlimited_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.demands import START
-from tubeplanner.task.motion import CycleMotion, move_rows
+from tubeplanner.task.motion import CycleMotion, MotionSection, move_rows
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import in_milliseconds
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -121,7 +122,17 @@ _JSON_FIELDS = (
     *("duration", "bound", "shortest_duration", "greedy_duration", "phase1_duration"),
     *("planning_time", "certificate_time", "stopped_by"),
     *(each.name for each in fields(TrajectoryPeaks)),
-    *("method", "build", "moves", "marks", "notes", "sensitivities", "search", "phase_two"),
+    *(
+        "holding",
+        "method",
+        "build",
+        "moves",
+        "marks",
+        "notes",
+        "sensitivities",
+        "search",
+        "phase_two",
+    ),
     *("certificate", "robustness"),
 )
 
@@ -149,6 +160,8 @@ class PlanResult(TaskResult):
             first use; None without an answer.
         peaks: The answer's largest joint acceleration, tool speed and tool acceleration. Computed
             on first use; None without an answer.
+        holding: Of every contact that holds a part, the largest share of what it carries. Computed
+            on first use; empty without an answer.
     """
 
     trajectory: JointTrajectory | None = None
@@ -163,6 +176,7 @@ class PlanResult(TaskResult):
     may_be_faster: bool = False
     _path_minimum: Callable[[], float | None] = _no_trajectory
     _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
+    _holding: Callable[[], list[HoldingPeak]] = list
 
     @cached_property
     def path_minimum(self) -> float | None:
@@ -173,6 +187,11 @@ class PlanResult(TaskResult):
     def peaks(self) -> TrajectoryPeaks | None:
         """Largest joint acceleration, tool speed and tool acceleration of the answer."""
         return self._peaks()
+
+    @cached_property
+    def holding(self) -> list[HoldingPeak]:
+        """Largest share of what each contact carries."""
+        return self._holding()
 
     @property
     def duration(self) -> float | None:
@@ -196,6 +215,7 @@ class PlanResult(TaskResult):
             shortest_duration=self.shortest_duration,
             phase1_duration=self.phase1_duration,
             **peaks_as_dict(self.peaks),
+            holding=[each.as_dict() for each in self.holding],
             sensitivities=[asdict(each) for each in self.sensitivities],
             search=None if self.search is None else self.search.as_dict(),
             phase_two=None if self.phase_two is None else self.phase_two.as_dict(),
@@ -268,6 +288,7 @@ def judged_result(
         may_be_faster=bool(unused_note),
         _path_minimum=partial(path_minimum, problem, trajectory),
         _peaks=partial(trajectory_peaks, problem.robot, trajectory),
+        _holding=partial(holding_peaks, [MotionSection(problem, trajectory)]),
     )
 
 
@@ -450,6 +471,7 @@ class CycleResult(TaskResult):
             dwells included [s]; None if that led nowhere.
         sensitivities: Cost of every limit over the cycle, largest first; limits of segments name
             their move.
+        holding: As of a `PlanResult`, over all moves.
     """
 
     motion: CycleMotion | None = None
@@ -470,6 +492,11 @@ class CycleResult(TaskResult):
             return None
         excess = [leg.duration - (leg.result.shortest_duration or 0.0) for leg in self.legs]
         return self.duration - sum(excess)
+
+    @cached_property
+    def holding(self) -> list[HoldingPeak]:
+        """Largest share of what each contact carries."""
+        return [] if self.motion is None else holding_peaks(self.motion.sections)
 
     @cached_property
     def path_minimum(self) -> float | None:
@@ -499,6 +526,7 @@ class CycleResult(TaskResult):
             phase1_duration=None,
             moves=[] if motion is None else move_rows(motion),
             marks=[] if motion is None else [mark.as_dict() for mark in motion.marks],
+            holding=[each.as_dict() for each in self.holding],
             sensitivities=[asdict(each) for each in self.sensitivities],
             certificate=None if self.certificate is None else self.certificate.as_dict(),
             **({"robustness": survivals} if survivals else {}),

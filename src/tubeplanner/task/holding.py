@@ -28,6 +28,8 @@ GRAVITY = 9.81  # [m/s^2]: nominal forces of cones are weights on earth, whereve
 
 # ---- Cones of wrenches.
 
+_FX, _FY, _FZ, _TX, _TY, _TZ = np.eye(6)
+
 
 @dataclass(frozen=True, eq=False)
 class Cone:
@@ -57,8 +59,18 @@ class Cone:
         margin: FloatArray = (wrench @ self.along + self.offset - size) / self.nominal
         return margin
 
+    def share(self, wrench: FloatArray) -> FloatArray:
+        """Return the used share of the cone at wrenches (N, 6): 1 on the cone, shape (N,).
 
-_FX, _FY, _FZ, _TX, _TY, _TZ = np.eye(6)
+        Where a contact holds without a load, the required over the available force; elsewhere the
+        required over the available friction, foot or slope under the load that presses there is.
+        """
+        size = np.linalg.norm(wrench @ self.across.T, axis=1)
+        pressing = np.zeros_like(wrench) if self.offset > 0 else wrench * _FZ
+        available = pressing @ self.along + self.offset
+        required = np.maximum(size - (wrench - pressing) @ self.along, 0.0)
+        nothing = np.where(required > 0, np.inf, np.where(available < 0, np.inf, 0.0))
+        return np.divide(required, available, out=nothing, where=available > 0)
 
 
 def _both_ways(
