@@ -25,8 +25,10 @@ from tubeplanner.optimizer.rows import (
 )
 from tubeplanner.optimizer.step_program import Step
 
-# A prediction may leave a cone by this share of the nominal.
+# A prediction may leave a cone by this share of the nominal; at speed, by this fraction of the
+# step's change of T^2, within bounds: what planes leave out is missing to the predicted gain.
 _OUTSIDE = 0.002
+_OF_GAIN, _CLOSEST = 0.5, 1e-4
 # Samples outside a cone at rest, where no lower speed helps, count as inside by this share: what
 # the merit function asks for, which has a price for being outside.
 LEAST_AT_REST = INNER_MARGIN - MERIT_TOLERANCE
@@ -80,12 +82,14 @@ class EvaluatedCones:
         self, vector: FloatArray, room: float, *, are_alone: bool = False
     ) -> Planes:
         """Return the tangent planes where other vectors (N J, 4) are outside."""
-        outside = np.flatnonzero(self._excess_of(vector) > room + _OUTSIDE)
+        outside = np.flatnonzero(self._excess_of(vector) > room)
         return self._tangents(vector, outside)
 
     def room(self, step: Step) -> float:
-        """Return the room that a step makes beyond the cones, as a share of the nominal."""
-        return step.elastic if self.is_at_rest else 0.0
+        """Return how far outside a step's vectors may be, as a share of the nominal."""
+        if self.is_at_rest:
+            return step.elastic + _OUTSIDE
+        return min(max(_OF_GAIN * abs(step.duration), _CLOSEST), _OUTSIDE)
 
     def after(
         self, control: FloatArray, switching: FloatArray, duration: float = 0.0
