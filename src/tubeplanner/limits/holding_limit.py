@@ -330,7 +330,7 @@ def holding_peaks(sections: Iterable[MotionSection]) -> list[HoldingPeak]:
                 at_times = partial(_shares, section, k)
                 band = _BAND * share
                 share, time = refined_maximum(at_times, samples.time, use.share, band=band)
-            highest = _uses(section, section.trajectory.at(np.array([time])))[k]
+            highest = holding_at(section, np.array([time]))[k]
             happens = use.holding.cones[highest.cone[0]].name
             at_rest = float(use.share_at_rest.max())
             peak = HoldingPeak(use.holding.kind, share, happens, section.begin + time, at_rest)
@@ -341,10 +341,15 @@ def holding_peaks(sections: Iterable[MotionSection]) -> list[HoldingPeak]:
     return list(peaks.values())
 
 
+def holding_at(section: MotionSection, time: FloatArray) -> list[HoldingUse]:
+    """Return the use of every contact at times from a section's begin (N,) [s]."""
+    return _uses(section, section.trajectory.at(time))
+
+
 def _uses(section: MotionSection, samples: TrajectorySamples) -> list[HoldingUse]:
     states = np.stack([samples.position, samples.velocity, samples.acceleration])
     return holding_uses(PathSamples(section.problem, states)) if section.problem.holding else []
 
 
 def _shares(section: MotionSection, contact: int, time: FloatArray) -> FloatArray:
-    return _uses(section, section.trajectory.at(time))[contact].share
+    return holding_at(section, time)[contact].share

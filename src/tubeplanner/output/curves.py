@@ -21,6 +21,7 @@ from tubeplanner.limits.binding_limits import (
     limit_uses,
     samples_per_piece,
 )
+from tubeplanner.limits.holding_limit import HoldingUse, holding_uses
 from tubeplanner.limits.path_samples import JointSpeedLimit, PathSamples
 from tubeplanner.limits.peaks import motor_effort
 from tubeplanner.limits.rates import PointSpeedLimit, ToolSpeed
@@ -85,6 +86,7 @@ class TrajectoryCurves:
     tube_use: FloatArray
     # rotation error as a fraction of the rotation tolerance, shape (N,); None without a tolerance
     rotation_use: FloatArray | None
+    holding: tuple[HoldingUse, ...] = ()  # of every contact that holds a part
 
     @property
     def visits(self) -> list[tuple[int, float, float]]:
@@ -137,6 +139,7 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
         segment,
         tube_use(problem, tool, segment),
         rotation_use,
+        tuple(holding_uses(path)),
     )
 
 
@@ -281,6 +284,7 @@ def _held_curves(
         segment=beside.segment[rows],
         tube_use=beside.tube_use[rows],
         rotation_use=None if beside.rotation_use is None else beside.rotation_use[rows],
+        holding=(),  # steps of a rest may take the part or let it go
     )
 
 

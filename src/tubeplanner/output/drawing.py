@@ -45,6 +45,7 @@ BINDING_STYLES = {
     "jerk": BindingStyle("#CC79A7", "xxxx", "black"),
     "tool_speed": BindingStyle("#003F66", "oooo", "white"),
     "point_speed": BindingStyle("#8FC7EE", "oooo", "black"),
+    "holding": BindingStyle("#7A4FA3", "xxxx", "white"),
     "position": BindingStyle("#F0E442", "||||", "black"),
     "tube": BindingStyle("#555555", "", "white"),
     "rotation": BindingStyle("#999999", "....", "black"),

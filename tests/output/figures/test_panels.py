@@ -13,12 +13,16 @@ from tubeplanner.output.curves import BindingStrip, LimitedSection, binding_stri
 from tubeplanner.output.figures.panels import (
     draw_clearance,
     draw_efforts,
+    draw_holding,
     draw_motor,
     draw_strip,
     motor_joints,
     percent,
+    time_panels,
 )
 from tubeplanner.robot.joint_limits import EffortRange
+from tubeplanner.robot.pinocchio_model import Payload
+from tubeplanner.task.holding import Holding, Liquid, Tray
 
 MOTORS = {
     "robot.limits.effort": {"joint1": [70, 95], "joint2": 27},
@@ -171,3 +175,26 @@ def test_efforts_by_direction_are_drawn_over_time_where_they_are_less(curves):
     forwards, backwards = (line.get_ydata() for line in axis.lines[-2:])
     assert np.isnan(forwards).all()  # as the limit of 100 %
     np.testing.assert_allclose(backwards, -100 * 70 / 95)
+
+
+def test_the_panel_of_held_parts_shows_what_each_contact_carries(stored):
+    problem, trajectory = stored("ur5/level_tray", "refinement")
+    up = {"normal": (0, 0, -1)}  # the tool points down
+    contacts = (
+        Holding(Tray(0.6, 0.03, **up), Payload(0.5, (0, 0, -0.06))),
+        Holding(Liquid(0.3, **up)),
+    )
+    held = replace(problem, holding=contacts)
+    fast, slow = (trajectory_curves(held, trajectory.scaled(factor)) for factor in (1.0, 4.0))
+    assert draw_holding not in time_panels([trajectory_curves(problem, trajectory)])
+    assert draw_holding in time_panels([slow])
+    for curves, holds in ((fast, False), (slow, True)):
+        draw_holding(axis := Figure().subplots(), curves)
+        lines = {line.get_label(): line.get_ydata() for line in axis.lines[:-1]}
+        assert list(lines) == [
+            f"{kind}, {when}" for kind in ("tray", "liquid") for when in ("at speed", "at rest")
+        ]
+        for kind in ("tray", "liquid"):
+            assert (lines[f"{kind}, at speed"].max() <= 100) == holds
+            assert lines[f"{kind}, at rest"].max() <= 100
+        assert {text.get_text() for text in axis.texts} == {"spills", "tips"}

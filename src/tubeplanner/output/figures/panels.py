@@ -40,6 +40,7 @@ _MAX_FACTOR = 3.0  # larger factors are drawn as this
 # Fractions of the panel from which on visits have such a label.
 _LONG_LABEL, _SHORT_LABEL = 0.2, 0.1
 _MARGIN = 0.08
+_TOP_OF_USE = 115.0  # larger shares have their name here [%]
 
 _WITH_PANEL, _JERK = ("velocity", "effort"), "jerk"  # panels of their own; drawn in pieces
 
@@ -57,7 +58,9 @@ def time_panels(runs: Sequence[TrajectoryCurves]) -> list[DrawPanel]:
     points: list[DrawPanel] = [draw_points] if limits.point_speed else []
     panels: list[DrawPanel] = [draw_positions, draw_velocities, *rates, draw_efforts, *own.values()]
     are_free = all(run.problem.tube.is_anywhere and run.rotation_use is None for run in runs)
-    return [*panels, draw_speed, *points, *([] if are_free else [draw_tube_use])]
+    tube: list[DrawPanel] = [] if are_free else [draw_tube_use]
+    holding: list[DrawPanel] = [draw_holding] if any(run.holding for run in runs) else []
+    return [*panels, draw_speed, *points, *tube, *holding]
 
 
 def line_style(number: int) -> dict[str, Any]:
@@ -185,6 +188,33 @@ def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
     axis.axhline(100.0, **LIMIT)
     axis.set_ylim(0.0, 130.0)
     axis.set_ylabel("tolerance used [%]")
+    axis.legend(fontsize=8, loc="upper center", ncols=2)
+
+
+def draw_holding(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw the used share of what each contact carries, dashed at rest; name what happens beyond.
+
+    A name stands where the share of that kind is the highest.
+    """
+    time = curves.samples.time
+    for k, use in enumerate(curves.holding):
+        kind, color = use.holding.kind, line_style(k)["color"]
+        share = 100 * use.share
+        axis.plot(time, share, label=_once(axis, f"{kind}, at speed"), **_MAIN | {"color": color})
+        at_rest: dict[str, Any] = {"color": color, "linewidth": 1.0, "linestyle": "--"}
+        axis.plot(time, 100 * use.share_at_rest, label=_once(axis, f"{kind}, at rest"), **at_rest)
+        names = np.array([cone.name for cone in use.holding.cones])[use.cone]
+        for name in np.unique(names):
+            top = int(np.where(names == name, share, -1.0).argmax())
+            place = time[top], min(share[top], _TOP_OF_USE)
+            is_late = time[top] > time.mean()
+            beside: dict[str, Any] = {"ha": "right" if is_late else "left", "color": color}
+            axis.annotate(
+                name, place, (0, 3), textcoords="offset points", fontsize=8, va="bottom", **beside
+            )
+    axis.axhline(100.0, **LIMIT)
+    axis.set_ylim(0.0, 130.0)
+    axis.set_ylabel("holding used [%]")
     axis.legend(fontsize=8, loc="upper center", ncols=2)
 
 
