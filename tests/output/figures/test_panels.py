@@ -197,4 +197,4 @@ def test_the_panel_of_held_parts_shows_what_each_contact_carries(stored):
         for kind in ("tray", "liquid"):
             assert (lines[f"{kind}, at speed"].max() <= 100) == holds
             assert lines[f"{kind}, at rest"].max() <= 100
-        assert {text.get_text() for text in axis.texts} == {"spills", "tips"}
+        assert {text.get_text() for text in axis.texts} >= {"spills", "tips"}
