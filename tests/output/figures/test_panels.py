@@ -185,7 +185,7 @@ def test_the_panel_of_held_parts_shows_what_each_contact_carries(stored):
         Holding(Liquid(0.3, **up)),
     )
     held = replace(problem, holding=contacts)
-    fast, slow = (trajectory_curves(held, trajectory.scaled(factor)) for factor in (1.0, 4.0))
+    fast, slow = (trajectory_curves(held, trajectory.scaled(factor)) for factor in (1.0, 6.0))
     assert draw_holding not in time_panels([trajectory_curves(problem, trajectory)])
     assert draw_holding in time_panels([slow])
     for curves, holds in ((fast, False), (slow, True)):
