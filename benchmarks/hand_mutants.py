@@ -56,7 +56,7 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     # Bounds between samples
     "rigid_body_majorant": [
         ("inertia.mass * gravity", "0.0"),
-        (" + _product(arm, force)", ""),
+        (" + product(arm, force)", ""),
         ("moments[i] if robot.body_is_revolute[i] else forces[i]", "moments[i]"),
     ],
     "_motions": [("parent.origin + link", "link")],

@@ -49,6 +49,7 @@ class Location:
         point: Index of the tube's reference point, from 0.
         point_speed: Index of the limit on a point's speed, from 0; `links` names the point's link.
         move: Name of the move of a cycle; the segment is its own.
+        contact: What a contact does that holds a part: "tray slides", "cup tips, at rest".
     """
 
     time: float | None = None
@@ -60,6 +61,7 @@ class Location:
     point: int | None = None
     point_speed: int | None = None
     move: str | None = None
+    contact: str | None = None
 
     def at(self, tool: Iterable[float]) -> "Location":
         """Return the location with the tool centre point at a position (3,) [m], base frame."""
@@ -84,6 +86,7 @@ class Location:
             parts.append(" and ".join(self.links))
         for text, value in (
             ("to '{}'", self.obstacle),
+            ("{}", self.contact),
             ("{}", self.joint),
             ("move '{}'", self.move),
             ("segment {}", self.segment),

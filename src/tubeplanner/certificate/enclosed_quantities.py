@@ -230,18 +230,18 @@ def rigid_body_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray
         arm = inertia.com_distance * body.unit
         force = inertia.mass * derivative(body.origin + arm, 2) / width**2
         force[0] += inertia.mass * gravity
-        momentum = _product(inertia.moment * _turning(2 * body.spin), body.spin)
-        moment = derivative(momentum) / width**2 + _product(arm, force)
+        momentum = product(inertia.moment * _turning(2 * body.spin), body.spin)
+        moment = derivative(momentum) / width**2 + product(arm, force)
         for child in np.flatnonzero(robot.body_parents == i).tolist():
             force = force + forces[child]
-            moment = moment + moments[child] + _product(bodies[child].link, forces[child])
+            moment = moment + moments[child] + product(bodies[child].link, forces[child])
         forces[i], moments[i] = force, moment
     efforts = np.zeros((len(joints) - 2, joints.shape[1], robot.joint_count))
     fraction = abs(robot.body_rules[0])  # of a body's effort that its joint takes
     for i in range(1, robot.body_count):
         joint, axis = robot.body_joints[i], bodies[robot.body_parents[i]].unit
         load = moments[i] if robot.body_is_revolute[i] else forces[i]
-        efforts[:, :, joint] += fraction[i] * _product(axis, load)
+        efforts[:, :, joint] += fraction[i] * product(axis, load)
     return efforts
 
 
@@ -253,6 +253,15 @@ def derivative(a: FloatArray, times: int = 1) -> FloatArray:
     for _ in range(times):
         a = (np.arange(1, len(a)) * a[1:].T).T
     return a
+
+
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the product of two series, as far as both are known."""
+    order = min(len(a), len(b))
+    product = np.zeros((order, a.shape[1]))
+    for k in range(order):
+        product[k:] += a[k] * b[: order - k]
+    return product
 
 
 def _motions(robot: RobotModel, joints: FloatArray) -> list[_BodyMotion]:
@@ -267,20 +276,11 @@ def _motions(robot: RobotModel, joints: FloatArray) -> list[_BodyMotion]:
         value = abs(multiplier[i]) * joints[:, :, joint]
         value[0] += abs(offset[i])
         if robot.body_is_revolute[i]:
-            spin = spin + _product(parent.unit, derivative(value))
+            spin = spin + product(parent.unit, derivative(value))
         else:
-            link = link + _product(parent.unit, value)
+            link = link + product(parent.unit, value)
         bodies.append(_BodyMotion(spin, _turning(spin), link, parent.origin + link))
     return bodies
-
-
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the product of two series, as far as both are known."""
-    order = min(len(a), len(b))
-    product = np.zeros((order, a.shape[1]))
-    for k in range(order):
-        product[k:] += a[k] * b[: order - k]
-    return product
 
 
 def _turning(spin: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate import (
     clearance_conditions,
     effort_conditions,
+    holding_conditions,
     joint_conditions,
     tool_conditions,
 )
@@ -52,6 +53,7 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
         "effort_rate": effort_conditions.judge_effort_rate,
         "tool_speed": tool_conditions.judge_tool_speed,
         "point_speed": tool_conditions.judge_point_speed,
+        "holding": holding_conditions.judge_holding,
         "tube": tool_conditions.judge_tube,
         "joint_signs": joint_conditions.judge_joint_signs,
         "rotation": tool_conditions.judge_rotation,
@@ -78,8 +80,9 @@ _OF_SEGMENTS = (
 
 _TOLERANCE = Tolerance()
 
-# Limits that a slower run keeps if the trajectory does.
-_SPEED_LIMITS = ("velocity", "acceleration", "jerk", "tool_speed", "point_speed")
+# Limits that a slower run keeps if the trajectory does. Holding is judged at rest, too: wrenches at
+# lower speeds lie between those at rest and at speed.
+_SPEED_LIMITS = ("velocity", "acceleration", "jerk", "tool_speed", "point_speed", "holding")
 # Conditions that a bound on braking presupposes.
 _BRAKING_CONDITIONS = frozenset(
     ("velocity", "acceleration", "effort", "motor_curve", "rest", "continuity")
@@ -151,7 +154,9 @@ class Certificate:
         for name in _SPEED_LIMITS:
             condition = self.conditions[name]
             if not condition.holds(self.tolerance):
-                return SlowerRun(name, condition.margin or 0.0, 1.0, condition.where)
+                is_at_rest = (condition.where.contact or "").endswith(holding_conditions.AT_REST)
+                speed = 0.0 if is_at_rest else 1.0
+                return SlowerRun(name, condition.margin or 0.0, speed, condition.where)
         tightest = self.other_speeds.slower
         if tightest is None or tightest.margin >= -self.tolerance.relative:
             return None

@@ -1,0 +1,183 @@
+"""Conditions on what the arm holds: wrenches of contacts against their cones, for all t.
+
+The wrench is computed from second derivatives of points of the part. With the contact's pose K, a
+homogeneous matrix, a point r that is fixed in the contact's frame has the acceleration K'' r: in
+the contact's axes, and less gravity, A r with a matrix A (3, 4). Over the part's masses dm,
+
+    force = A int r dm,  moment = int r x (A r) dm
+
+are linear in A, with the second moments int r r^T dm of the part. Joint j, a screw S_j in the
+contact's frame, is nearer to the base than those after it:
+
+    K^-1 K'' = sum_j q_j'' S_j + sum_j q_j'^2 S_j^2 + 2 sum_(i<j) q_i' q_j' S_i S_j
+
+(the second derivative of the product of exponentials; Brockett, 1984).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.certificate.enclosed_quantities import (
+    derivative,
+    point_majorant,
+    product,
+    tool_majorant,
+)
+from tubeplanner.certificate.enclosure import Quantity, enclosed
+from tubeplanner.certificate.judged_motion import (
+    RELATIVE,
+    JudgedCondition,
+    JudgedMotion,
+    bracketed,
+    not_required,
+)
+from tubeplanner.certificate.tube_visits import Visit, least_concave_margin
+from tubeplanner.outcome import Location
+from tubeplanner.robot.kinematics import cross_product
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.holding import Holding
+
+# Error of enclosed margins, as a share of the nominal: tighter than the certificate's tolerance,
+# so that the planner may use most of that.
+_ENCLOSURE = 1e-8
+AT_REST = ", at rest"
+
+
+class HeldPart:
+    """A part in the arm's hold: its wrench, and the margins of its contact's cones."""
+
+    def __init__(self, robot: RobotModel, holding: Holding) -> None:
+        self._robot, self._cones = robot, holding.cones
+        self._body = robot.link_body[robot.tool_frame]
+        contact = np.eye(4)
+        contact[:3, :3], contact[:3, 3] = holding.axes, holding.contact.position
+        self._contact = robot.link_placement[robot.tool_frame] @ contact
+        part = holding.mass_properties
+        center = np.append(holding.axes.T @ np.subtract(part.com, contact[:3, 3]), 1.0)
+        # Second moments about the centre of mass, of which the inertia is the complement.
+        inertia = holding.axes.T @ part.inertia_matrix() @ holding.axes
+        spread = np.trace(inertia) / 2 * np.eye(3) - inertia
+        self._moments = part.mass * np.outer(center, center)
+        self._moments[:3, :3] += spread
+        self._mass, self._lever = part.mass, float(np.linalg.norm(center[:3]))
+        self._spread = float(abs(np.linalg.eigvalsh(spread)).sum())
+        self._reach = float(np.linalg.norm((self._contact @ center)[:3]))
+        self._across = np.zeros((len(self._cones), 3, 6))
+        for padded, cone in zip(self._across, self._cones, strict=True):
+            padded[: len(cone.across)] = cone.across
+        self._along = np.array([cone.along for cone in self._cones])
+        self._offset = np.array([cone.offset for cone in self._cones])
+        self._nominal = np.array([cone.nominal for cone in self._cones])
+
+    def margin(self, wrench: FloatArray, cone: IntArray) -> FloatArray:
+        """Return margins at wrenches (..., R, 6), each in its cone (R,): a share of the nominal."""
+        across = np.einsum("...rk,rck->...rc", wrench, self._across[cone])
+        along = np.einsum("...rk,rk->...r", wrench, self._along[cone]) + self._offset[cone]
+        margin: FloatArray = (along - np.linalg.norm(across, axis=-1)) / self._nominal[cone]
+        return margin
+
+    def judged(self, motion: JudgedMotion, name: str, *, is_at_rest: bool) -> JudgedCondition:
+        """Judge the cones along a motion, or at rest everywhere on it.
+
+        Args:
+            motion: The motion.
+            name: The contact's name in messages.
+            is_at_rest: True: the arm may stand still anywhere.
+        """
+        # No cone's margin changes faster with a component of the wrench than this [1/N, 1/N m].
+        rate = np.linalg.norm(self._across, axis=1) + abs(self._along)
+        rate = (rate / self._nominal[:, None]).max(axis=0)
+        with np.errstate(divide="ignore"):  # no cone minds some components
+            tolerance = _ENCLOSURE / (6 * rate)
+        wrench = enclosed(
+            motion.trajectory, self.at_rest if is_at_rest else self.at_speed, tolerance
+        )
+        wrench = replace(wrench, error=(wrench.error @ rate)[:, None])
+        # Every cone is kept during the whole motion.
+        every = [Visit(k, 0.0, motion.trajectory.duration) for k in range(len(self._cones))]
+        least = least_concave_margin(wrench, every, self.margin, np.ones(len(every)))
+        what = f"{name} {self._cones[least.segment].name}{AT_REST if is_at_rest else ''}"
+        location = Location(time=least.time, contact=what)
+        return bracketed(least.lower_bound, least.attained, RELATIVE, location)
+
+    @property
+    def at_rest(self) -> Quantity:
+        """The wrench of the arm at rest, c = 6 [N, N m]."""
+
+        def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
+            gravity = float(np.linalg.norm(self._robot.gravity))
+            weight = self._mass * gravity * tool_majorant(self._robot, joints).axis
+            return np.stack([weight] * 3 + [self._lever * weight] * 3, axis=2)
+
+        return Quantity(0, self.wrench, majorant)
+
+    @property
+    def at_speed(self) -> Quantity:
+        """The wrench of the moving arm, c = 6 [N, N m]."""
+
+        def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
+            unit = tool_majorant(self._robot, joints).axis
+            center = point_majorant(self._robot, joints, self._body, self._reach)
+            rate = derivative(center, 2) / width**2
+            rate[0] += float(np.linalg.norm(self._robot.gravity))
+            force = self._mass * product(unit, rate)
+            # Of masses at both sides of the centre of mass, along the principal axes.
+            turning = product(unit, derivative(unit, 2) / width**2)
+            moment = self._lever * force + self._spread * turning
+            return np.stack([force] * 3 + [moment] * 3, axis=2)
+
+        return Quantity(2, self.wrench, majorant)
+
+    def wrench(
+        self, q: FloatArray, v: FloatArray | None = None, a: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the tool's wrench on the part in the contact's axes, about its middle, (N, 6).
+
+        Args:
+            q: Configurations, shape (N, n).
+            v: Velocities, shape (N, n); None: at rest.
+            a: Accelerations, shape (N, n); None: at rest.
+        """
+        robot = self._robot
+        rotation, position = robot.body_poses(q)
+        axes = rotation[:, self._body] @ self._contact[:3, :3]
+        change = np.zeros((len(q), 3, 4))
+        if v is not None and a is not None:
+            moved = np.flatnonzero(robot.carries[self._body])
+            joint, factor = robot.body_joints[moved + 1], robot.body_rules[0][moved + 1]
+            middle = rotation[:, self._body] @ self._contact[:3, 3] + position[:, self._body]
+            axis = np.einsum("nmij,mj->nmi", rotation[:, moved + 1], robot.chain.axes[moved]) @ axes
+            origin = (position[:, moved + 1] - middle[:, None]) @ axes
+            turns = robot.body_is_revolute[moved + 1][:, None]
+            screw = np.zeros((len(q), len(moved), 3, 4))
+            for k, along in enumerate(np.eye(3)):
+                screw[..., k] = cross_product(np.where(turns, axis, 0.0), along)
+            screw[..., 3] = np.where(turns, cross_product(origin, axis), axis)
+            moving = (factor * v[:, joint])[..., None, None] * screw
+            twice = 2 * np.cumsum(moving, axis=1) - moving
+            change = np.einsum("nm,nmij->nij", factor * a[:, joint], screw)
+            change += (twice[..., :3] @ moving).sum(axis=1)
+        change[..., 3] -= robot.gravity @ axes
+        # int (A r)_i r_j dm, and int (A r)_i dm.
+        moments = change @ self._moments
+        moment = [moments[:, j, i] - moments[:, i, j] for i, j in ((1, 2), (2, 0), (0, 1))]
+        return np.column_stack([moments[..., 3], *moment])
+
+
+def judge_holding(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the cones of all contacts, at speed and at rest: then at every lower speed, too.
+
+    Run s times as fast, a wrench is G + s^2 W: between those at rest and at speed. Cones are
+    convex.
+    """
+    holdings = motion.problem.holding
+    judged = []
+    for k, holding in enumerate(holdings):
+        name = holding.kind if len(holdings) == 1 else f"{holding.kind} (holding[{k}])"
+        part = HeldPart(motion.robot, holding)
+        judged += [part.judged(motion, name, is_at_rest=each) for each in (False, True)]
+    if not judged:
+        return not_required(RELATIVE, "nothing is held")
+    return min(judged, key=lambda condition: condition.margin or 0.0)
