@@ -1,11 +1,17 @@
 """What limits ask along a path, and how fast it is run then, against integrated phase planes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cases import ANGLE, INERTIA, anywhere, one_joint, with_motors
+from scipy.interpolate import CubicSpline
+from scipy.optimize import linprog
 
 from tubeplanner import JointTrajectory
 from tubeplanner.first_guess.fastest_parameterization import (
+    PathRows,
+    _fastest_rates,
     fastest_parameterization,
     path_rows,
     with_reversals,
@@ -13,7 +19,9 @@ from tubeplanner.first_guess.fastest_parameterization import (
 from tubeplanner.limits.speed_limits import speed_limits
 from tubeplanner.outcome import Infeasible
 from tubeplanner.robot.joint_limits import EffortRange
+from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.studies.comparison import smoothness_class
+from tubeplanner.task.holding import Holding, Tray
 
 STRAIGHT = JointTrajectory(["turn"], [0, ANGLE], [[[1.0]], [[0.0]]])
 # There and back to where it came from: it reverses at 0.75, between the points where all is judged.
@@ -188,3 +196,123 @@ def test_what_rounding_makes_of_standing_still_has_no_friction(slide, velocity):
     timing = fastest_parameterization(anywhere(robot), path, np.linspace(0, 1, 101))
     assert held > 0.1
     assert timing.duration > 0
+
+
+def squares_by_linear_programs(arc_length, limits, most):
+    """Return the largest s'^2 (N,) of `PathRows`: a linear program over (u, x) for every step."""
+    steps, count = np.diff(arc_length), len(arc_length)
+
+    def extreme(k, cost, least, largest, x=(0.0, None)):
+        ahead = (0.0, 2 * steps[k])[: len(limits)]
+        rows = [
+            [e.acceleration[k] + h * e.square[k], e.square[k]]
+            for e, h in zip(limits, ahead, strict=True)
+        ]
+        end = np.array([[2 * steps[k], 1.0]])
+        matrix = np.vstack([*(np.array(each).T for each in rows), end, -end])
+        bound = np.concatenate([*(each.allowed[k] for each in limits), [largest, -least]])
+        box = (x[0], min(most[k] ** 2, np.inf if x[1] is None else x[1]))
+        result = linprog(cost, matrix, bound, bounds=[(None, None), box])
+        return result.x if result.success else None
+
+    intervals = [(0.0, 0.0)]
+    for k in range(count - 2, -1, -1):
+        ends = [extreme(k, cost, *intervals[-1]) for cost in ([0, 1.0], [0, -1.0])]
+        if ends[0] is None:
+            return None
+        intervals.append((ends[0][1], ends[1][1]))
+    if intervals[-1][0] > 1e-9:
+        return None
+    squares = [0.0]
+    for k, (least, largest) in enumerate(intervals[-2::-1]):
+        x = squares[-1]
+        u = extreme(k, [-1.0, 0], least, largest, (x * (1 - 1e-9), x * (1 + 1e-9)))[0]
+        squares.append(max(x + 2 * steps[k] * u, 0.0))
+    return np.array(squares)
+
+
+@pytest.mark.parametrize("rows", [3, 12, 80])
+@pytest.mark.parametrize("at_rest", [0.05, -0.02])
+def test_rates_are_those_of_linear_programs_for_every_step(rows, at_rest):
+    """With rows that no rest keeps, too: tangents of s' may leave none."""
+    random, solved = np.random.default_rng(rows), 0
+    for _ in range(4):
+        count = 12
+        arc_length = np.cumsum(random.uniform(0.02, 0.1, count))
+        limits = []
+        for _ in range(2):
+            a, b = random.normal(size=(2, count - 1, rows))
+            g = random.uniform(at_rest, 1, (count - 1, rows))
+            limits.append(PathRows(a, b, 0 * a, g, np.zeros((3, count - 1, 0, 4))))
+        most = random.uniform(0.2, 2, count)
+        rate = _fastest_rates(arc_length, limits, most)
+        expected = squares_by_linear_programs(arc_length, limits, most)
+        assert (rate is None) == (expected is None)
+        if rate is not None:
+            solved += 1
+            np.testing.assert_allclose(rate**2, expected, atol=1e-6)
+    assert solved or at_rest < 0
+
+
+def bends(joints):
+    """Return how far joints go along a path without straight parts, shape (5, n)."""
+    return np.linspace(0, 1, 5)[:, None] ** np.linspace(0.5, 2.0, joints) * (-0.7) ** np.arange(
+        joints
+    )
+
+
+@pytest.mark.parametrize("name", ["ur5/level_tray", "panda/between_shelves"])
+@pytest.mark.parametrize("at_both_ends", [True, False])
+def test_the_time_is_that_of_toppra(name, at_both_ends, bundled):
+    problem = bundled(name)
+    spline = CubicSpline(np.linspace(0, 1, 5), problem.start + bends(problem.robot.joint_count))
+    path = JointTrajectory(problem.robot.joint_names, spline.x, spline.c)
+    grid = np.linspace(0, path.duration, 301)
+    times = [
+        fastest_parameterization(
+            problem, path, grid, at_both_ends=at_both_ends, by_toppra=by_toppra
+        ).duration
+        for by_toppra in (False, True)
+    ]
+    assert times[0] == pytest.approx(times[1], rel=1e-6)
+
+
+def test_a_part_on_a_tray_is_slid_by_no_more_than_friction(slide):
+    """On a straight line at mu g, forwards and backwards."""
+    free = np.full(3, np.inf)
+    robot = slide.with_limits(replace(slide.limits, effort=free, velocity=free), slide.motors)
+    holding = Holding(Tray(0.3, (9.0, 9.0), safety=1.0), Payload(1.0))
+    problem = replace(anywhere(robot), holding=(holding,))
+    path = JointTrajectory(robot.joint_names, [0, 0.4], [[[0.0, 1.0, 0.0]], [[0.0, 0.0, 0.0]]])
+    timing = fastest_parameterization(problem, path, np.linspace(0, 0.4, 101))
+    assert timing.duration == pytest.approx(2 * np.sqrt(0.4 / (0.3 * 9.81)), rel=2e-4)
+
+
+def test_a_curve_is_run_on_the_edge_of_its_cones(bundled):
+    """At every step some limit is used, none by more than a ten-thousandth too much."""
+    problem = bundled("ur5/level_tray")
+    tray = Tray(0.5, 0.02, normal=(0, 0, -1), safety=1.0)
+    holding = (Holding(tray, Payload(1.0, (0.0, 0.0, -0.05))),)
+    problem = replace(problem, holding=holding)
+    tool = [1.0, -0.6, 0.0, 0.6, 0.0, 1.0]  # the wrist keeps the tray level
+    spline = CubicSpline([0, 0.4, 1], problem.start + np.outer([0, 0.5, 0.2], tool))
+    path = JointTrajectory(problem.robot.joint_names, spline.x, spline.c)
+    grid = np.linspace(0, 1, 201)
+    timing = fastest_parameterization(problem, path, grid)
+    limits = tuple(limit for limit in speed_limits(problem) if limit.order == 2)
+    speed, acceleration = (
+        timing.velocity(timing.breakpoints)[:, 0],
+        2 * timing.coefficients[0, :, 0],
+    )
+    worst = np.full(200, -np.inf)
+    for rows, x in zip(
+        path_rows(problem, path, grid, limits), (speed[:-1], speed[1:]), strict=True
+    ):
+        used = rows.acceleration * acceleration[:, None] + rows.square * x[:, None] ** 2
+        by_acceleration, by_square, still = rows.cones
+        run = by_acceleration * acceleration[:, None, None] + by_square * x[:, None, None] ** 2
+        cones = np.linalg.norm((run + still)[..., :3], axis=2) - (run + still)[..., 3]
+        worst = np.maximum(worst, np.hstack([used - rows.allowed, cones]).max(axis=1))
+        assert cones.max() > -1e-3  # the part is what limits
+    assert worst.max() < 1.01e-4
+    assert (worst < -1e-3).sum() <= 3  # steps that switch

@@ -266,7 +266,7 @@ def bang_bang_parameterizations(
             for (begin, end), count in zip(pairwise(breakpoints), counts, strict=True)
         ]
         grid = np.append(np.concatenate(parts), length)
-        timing = fastest_parameterization(problem, path.joints, grid)
+        timing = fastest_parameterization(problem, path.joints, grid, by_toppra=True)
         if timing is None:
             raise Infeasible(
                 PlanStatus.NO_TRAJECTORY,

@@ -1,18 +1,20 @@
-"""Time-optimal parameterization of a path: rows in s'' and s'^2, TOPP-RA.
+"""Time-optimal parameterization of a path: rows in s'' and s'^2, controllable sets.
 
 Inertial efforts are linear in s'' and s'^2; gravity and Coulomb friction depend on neither, as the
 direction of friction is the path's. Viscous friction and torque-speed lines depend on s', the
-square root of s'^2, for which TOPP-RA does not solve.
+square root of s'^2, and what a contact or the tool's acceleration leaves is a cone: tangents
+replace both.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.limits.holding_limit import HoldingLimit
 from tubeplanner.limits.path_samples import (
     CoulombFriction,
     PathSamples,
@@ -28,6 +30,11 @@ from tubeplanner.trajectory.parts import monotone_intervals
 # ---- Limits on the speed along a given path q(s): linear in s'' and s'^2, but for one term.
 
 _MIN_SQUARE = 1e-8  # fraction of the largest s'^2: the tangent of a root is upright at zero
+# Share of a cone's nominal by which half spaces are inside of it, and a run may be outside of them.
+_OUTSIDE = 1e-4
+# Directions of half spaces around a cone, the corners and middles of a cube's sides and edges.
+_AROUND = np.array([each for each in np.ndindex(3, 3, 3) if each != (1, 1, 1)]) - 1.0
+_AROUND = (_AROUND / np.linalg.norm(_AROUND, axis=1, keepdims=True))[None, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +45,46 @@ class PathRows:
     square: FloatArray  # b
     speed: FloatArray  # d
     allowed: FloatArray  # g
+    # J cones |x| <= t beside them: (x, t) by s'', by s'^2 and at rest, shape (3, N, J, 4)
+    cones: FloatArray
+
+    def inside_cones(self) -> "PathRows":
+        """Return the limits and half spaces all around the cones, a single one of a flat cone."""
+        is_round = np.asarray(self.cones[..., :3].any(axis=(0, 1, 3)))
+        flat = self.with_planes(np.zeros((1, 1, 1, 3)), ~is_round)
+        return flat.with_planes(_AROUND, is_round)
+
+    def with_planes(self, direction: FloatArray, chosen: BoolArray) -> "PathRows":
+        """Return the limits and half spaces d . x <= t of chosen cones (J,), a little inside.
+
+        They have P directions d for each cone, shape (N or 1, J or 1, P, 3).
+        """
+        normal = np.concatenate([direction, -np.ones_like(direction[..., :1])], axis=-1)
+        cones = self.cones[:, :, chosen]
+        planes = (cones[:, :, :, None] * normal).sum(axis=-1)
+        acceleration, square, still = planes.reshape(3, len(self.square), -1)
+        allowed = np.maximum(-still - _OUTSIDE, np.minimum(-still, 0.0))
+        return replace(
+            self,
+            acceleration=np.hstack([self.acceleration, acceleration]),
+            square=np.hstack([self.square, square]),
+            speed=np.hstack([self.speed, np.zeros_like(square)]),
+            allowed=np.hstack([self.allowed, allowed]),
+        )
+
+    def at_cones(self, acceleration: FloatArray, square: FloatArray) -> tuple["PathRows", float]:
+        """Return the limits and tangents of the cones that points (N,), (N,) of s'' and s'^2 leave.
+
+        And how far they leave them, at most.
+        """
+        run = np.stack([acceleration, square, np.ones_like(square)])
+        vectors = np.einsum("kn,knjl->njl", run, self.cones)
+        size = np.linalg.norm(vectors[..., :3], axis=2, keepdims=True)
+        outside = size[..., 0] - vectors[..., 3]
+        chosen = (outside > _OUTSIDE).any(axis=0)
+        direction = vectors[..., :3] / np.maximum(size, np.finfo(float).tiny)
+        rows = self.with_planes(direction[:, chosen, None], chosen)
+        return rows, float(outside.max(initial=0.0))
 
     def without_speed(self) -> "PathRows":
         """Return the limits without their terms in s'."""
@@ -105,25 +152,34 @@ def _rows(
     q, slope, bend = (path.within(piece, local, order) for order in range(3))
     steady = PathSamples(problem, np.stack([q, slope, bend]), friction=friction)
     speeding_up = PathSamples(problem, np.stack([q, slope, bend + slope]), friction=friction)
-    parts = []
+    parts, round_or_flat = [], []
     for limit in limits:
         used = limit.used(steady)
         if (used.largest_speed(limit.signs) == 0).any():
             raise limit.refusal(steady)
+        if isinstance(limit, HoldingLimit):
+            still, square = limit.parts(steady).vectors
+            round_or_flat.append(
+                np.stack([limit.parts(speeding_up).vectors[1] - square, square, still])
+            )
+            continue
         none = np.zeros(used.shape)
         still, speed, square = (used.terms.get(power, none) for power in range(3))
         acceleration = limit.used(speeding_up).terms[2] - square
         for sign in limit.signs:
             terms = (sign * acceleration, sign * square, sign * speed, 1 - sign * still)
             parts.append(np.stack(terms))
-    empty = np.zeros((4, len(arc_length), 0))
-    return PathRows(*np.concatenate([empty, *parts], axis=2))
+    no_row, no_cone = np.zeros((4, len(arc_length), 0)), np.zeros((3, len(arc_length), 0, 4))
+    acceleration, square, speed, allowed = np.concatenate([no_row, *parts], axis=2)
+    cones = np.concatenate([no_cone, *round_or_flat], axis=2)
+    return PathRows(acceleration, square, speed, allowed, cones)
 
 
 # ---- The fastest run of a path by motors that switch instantly: bang-bang control.
 #
-# Solved by TOPP-RA (Pham & Pham, "A new approach to time-optimal path parameterization based on
-# reachability analysis", IEEE T-RO 34(3), 2018); first by Bobrow et al. and Shin & McKay (1985).
+# By reachability, as in TOPP-RA (Pham & Pham, "A new approach to time-optimal path parameterization
+# based on reachability analysis", IEEE T-RO 34(3), 2018); first by Bobrow et al. and Shin & McKay
+# (1985).
 #
 # A path is stored as the trajectory that runs it at unit speed: its times are the arc length in
 # joint space.
@@ -134,9 +190,10 @@ NOT_PROVED = (
     "least"
 )
 _INSIDE = 1e-4  # [m]: how far outside a capsule a point of the path still counts as in it
-# TOPP-RA's tolerances are absolute: for squared rates of about 100, these are small, and digits are
-# not lost yet. In place of a missing limit on the rate, _AMPLE units.
+# Tolerances are absolute: for squared rates of about 100, these are small, and digits are not lost
+# yet. In place of a missing limit on the rate, _AMPLE units.
 _UNIT_FRACTION, _AMPLE = 0.1, 1e3
+_ROUNDING, _NO_TERM = 1e-12, 1e-14  # of squared rates; of the limit: terms that are none
 _SPEEDS, _ACCELERATIONS = 1, 2  # the highest derivative that limits depend on; jerk is unlimited
 _APART = 1e-3  # of a mean step: nearer to points of the path, reversals are no points of their own
 _ROUNDS, _SETTLED = 20, 1e-6  # of tangents; relative change of the time at which they end
@@ -149,6 +206,7 @@ def fastest_parameterization(
     arc_length: FloatArray,
     *,
     at_both_ends: bool = True,
+    by_toppra: bool = False,
 ) -> JointTrajectory | None:
     """Return a path's fastest time parameterization: arc length over time, from rest to rest.
 
@@ -156,9 +214,10 @@ def fastest_parameterization(
     path and may exceed them in between; jerk is unlimited, so it is not smooth. Where the tool is
     in several segments, the loosest of their limits on its speed counts.
 
-    Limits with viscous friction and torque-speed lines depend on the root of TOPP-RA's variable.
-    Tangents of that root replace it, each at the last solution, until the time settles. The result
-    is faster than its neighbours; nothing proves that it is the fastest.
+    Limits with viscous friction and torque-speed lines depend on the root of the squared rate that
+    is solved for. Tangents of that root replace it, each at the last solution, until the time
+    settles. The result is faster than its neighbours; nothing proves that it is the fastest.
+    Tangents of cones join wherever a solution leaves them.
 
     Args:
         problem: The planning problem.
@@ -168,6 +227,7 @@ def fastest_parameterization(
         at_both_ends: Whether every step keeps the limits at its end too, not only at its begin. The
             time parameterization is up to 1 % slower then, but exceeds limits in between by less
             than 0.1 % of the time, rather than by up to 19 % (two links round an arc).
+        by_toppra: Whether the library toppra solves, if no limit has cones.
 
     Returns:
         The arc length over time, one parabola per step; None if the solver finds none.
@@ -178,29 +238,41 @@ def fastest_parameterization(
     if problem.robot.motors.has_coulomb_friction:
         arc_length = with_reversals(path, arc_length, _APART * float(np.diff(arc_length).mean()))
     limits = tuple(each for each in speed_limits(problem) if each.order == _ACCELERATIONS)
-    rows = path_rows(problem, path, arc_length, limits)
+    rows = list(path_rows(problem, path, arc_length, limits)[: 1 + at_both_ends])
     most = _largest_rates(problem, path, arc_length)
+    has_speed, has_cones = rows[0].speed.any(), rows[0].cones.size > 0
+    solve = _by_toppra if by_toppra and not has_cones else _fastest_rates
+    rows = [each.inside_cones() for each in rows]
 
-    def solved(rate: FloatArray) -> FloatArray | None:
+    def solved(rate: FloatArray | None) -> FloatArray | None:
+        if rate is None:
+            return None
         squares = (rate[:-1] ** 2, rate[1:] ** 2)
-        tangents = [each.tangent(x) for each, x in zip(rows, squares, strict=True)]
-        return _solved(arc_length, tangents[: 1 + at_both_ends], most)
+        tangents = [each.tangent(x) for each, x in zip(rows, squares, strict=False)]
+        return solve(arc_length, tangents, most)
 
-    free = [each.without_speed() for each in rows]
-    rate = _solved(arc_length, free[: 1 + at_both_ends], most)
-    if rate is not None and rows[0].speed.any():
+    rate = solve(arc_length, [each.without_speed() for each in rows], most)
+    if rate is not None and has_speed:
         # Tangents at high rates cost effort at low rates too, perhaps more than there is.
         loose = rate
         starts = (solved(fraction * loose) for fraction in _STARTS)
         rate = next((start for start in starts if start is not None), None)
-        for _ in range(_ROUNDS):
-            following = None if rate is None else solved(rate)
-            if rate is None or following is None:
-                break
-            before, after = (_step_times(arc_length, run).sum() for run in (rate, following))
-            rate = following
-            if abs(after - before) < _SETTLED * after:
-                break
+    has_settled = not has_speed
+    for _ in range(_ROUNDS):
+        if rate is None:
+            return None
+        square = rate**2
+        acceleration = np.diff(square) / (2 * np.diff(arc_length))
+        ends = zip(rows, (square[:-1], square[1:]), strict=False)
+        cut = [each.at_cones(acceleration, x) for each, x in ends]
+        rows = [each for each, _ in cut]
+        if has_settled and max(outside for _, outside in cut) <= _OUTSIDE:
+            break
+        following = solved(rate)
+        if following is None:
+            break
+        before, after = (_step_times(arc_length, run).sum() for run in (rate, following))
+        rate, has_settled = following, bool(abs(after - before) < _SETTLED * after)
     if rate is None:
         return None
     durations = _step_times(arc_length, rate)
@@ -226,16 +298,132 @@ def _largest_rates(
     return largest_speeds(at, limits)
 
 
-def _solved(arc_length: FloatArray, limits: list[PathRows], most: FloatArray) -> FloatArray | None:
-    """Return the largest rates (N,) [1/s] under limits at steps' begins, and perhaps ends."""
-    from toppra import algorithm  # takes a second
-
-    # The unit of rates is a fraction of the rate after speeding up over the path.
+def _unit(arc_length: FloatArray, limits: Sequence[PathRows]) -> float:
+    """Return the unit of rates, a fraction of the rate after speeding up over the path [1/s]."""
     with np.errstate(divide="ignore", invalid="ignore"):
         strongest = (limits[0].allowed / abs(limits[0].acceleration)).min(axis=1)
-    usual, unit = float(np.median(strongest)), 1.0
+    usual = float(np.median(strongest))
+    unit = 1.0
     if 0 < usual < np.inf:
         unit = _UNIT_FRACTION * float(np.sqrt(usual * np.ptp(arc_length)))
+    return unit
+
+
+def _step_rows(
+    arc_length: FloatArray, limits: Sequence[PathRows], unit: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the limits of steps as a u + b x <= g, (N-1, I) each, rates in a unit.
+
+    u is s'' and x is s'^2 at a step's begin; at its end, a step h later, s'^2 is x + 2 h u.
+    """
+    twice = 2 * np.diff(arc_length)[:, None]
+    rows = [
+        (each.acceleration + ahead * each.square, each.square, each.allowed)
+        for each, ahead in zip(limits, (np.zeros_like(twice), twice), strict=False)
+    ]
+    acceleration, square, allowed = (np.hstack(part) for part in zip(*rows, strict=True))
+    return unit**2 * acceleration, unit**2 * square, allowed
+
+
+def _fastest_rates(
+    arc_length: FloatArray, limits: Sequence[PathRows], most: FloatArray
+) -> FloatArray | None:
+    """Return the largest rates (N,) [1/s] under limits at steps' begins, and perhaps ends.
+
+    The squared rates x at the begin and y at the end of a step are in a polygon. Those from which
+    the goal can be reached are an interval at every point: backwards from the goal, the x of all
+    (x, y) in the polygon with y in the interval of the step's end. Forwards from the start, every
+    step then takes the largest y.
+
+    Returns:
+        None where no run keeps the limits.
+    """
+    unit = _unit(arc_length, limits)
+    acceleration, square, allowed = _step_rows(arc_length, limits, unit)
+    y_by = acceleration / (2 * np.diff(arc_length)[:, None])
+    x_by = square - y_by
+    largest = np.minimum(most / unit, _AMPLE) ** 2
+    of_x, of_y = largest[:-1], largest[1:]
+    x_by[abs(x_by) * of_x[:, None] < _NO_TERM] = 0.0
+    y_by[abs(y_by) * of_y[:, None] < _NO_TERM] = 0.0
+    none = np.zeros_like(of_x)
+    right, left = _bounds(x_by, y_by, allowed, of_x), _bounds(-x_by, y_by, allowed, none)
+    up, down = _bounds(y_by, x_by, allowed, of_y), _bounds(-y_by, x_by, allowed, none)
+    flat = np.hstack([y_by == 0, np.ones((len(y_by), 1), dtype=bool)])
+    corners: list[list[list[float]]] = []
+    for side, bounds in ((1.0, right), (-1.0, left)):
+        alone = np.where(flat, bounds[0], np.inf).min(axis=1)
+        corner = _corners(side * alone, side, up, down)
+        if corner is None:
+            return None
+        corners.append(corner.tolist())
+    low, high = [0.0], [0.0]  # from the goal backwards
+    for k in range(len(of_x) - 1, -1, -1):
+        ends = []
+        for (x, y), bounds, side in ((corners[0][k], right, 1.0), (corners[1][k], left, -1.0)):
+            within = min(max(y, low[-1]), high[-1])
+            if within != y:
+                x = side * float((bounds[0, k] - bounds[1, k] * within).min())
+            ends.append(x)
+        high.append(ends[0])
+        low.append(max(ends[1], 0.0))
+        if low[-1] > high[-1] + _ROUNDING:
+            return None
+    if low[-1] > 0:
+        return None
+    squares = [0.0]
+    for k, (least, most_there) in enumerate(zip(low[-2::-1], high[-2::-1], strict=True)):
+        y = float((up[0, k] - up[1, k] * squares[-1]).min())
+        squares.append(max(min(y, most_there), least))
+    rate = unit * np.sqrt(squares)
+    return None if (rate[1:] + rate[:-1] == 0).any() else rate
+
+
+def _bounds(by: FloatArray, other: FloatArray, allowed: FloatArray, box: FloatArray) -> FloatArray:
+    """Return bounds on z, rows by z + other w <= allowed (M, I) and z <= box (M,).
+
+    Returns:
+        z <= c - d w: c and d, shape (2, M, I+1); c is infinite for rows that bound z from below.
+    """
+    result = np.zeros((2, len(by), by.shape[1] + 1))
+    result[0] = np.inf
+    result[0, :, -1] = box
+    for part, values in zip(result, (allowed, other), strict=True):
+        np.divide(values, by, out=part[:, :-1], where=by > 0)
+    return result
+
+
+def _corners(x: FloatArray, side: float, up: FloatArray, down: FloatArray) -> FloatArray | None:
+    """Return the points (x, y) of polygons farthest to a side of x, from outside of them, (M, 2).
+
+    The width in y is concave over x: Newton's method comes to its root from outside, in as many
+    steps as the polygon has edges at most. None: a polygon is empty.
+    """
+    x, y, rows = x.copy(), np.zeros_like(x), np.arange(len(x))
+    while len(rows):
+        bounds = [c[rows] - d[rows] * x[rows, None] for c, d in (up, down)]
+        each = np.arange(len(rows))
+        edges = [bound.argmin(axis=1) for bound in bounds]
+        most, least = (bound[each, edge] for bound, edge in zip(bounds, edges, strict=True))
+        y[rows] = -least
+        slope = -(up[1, rows, edges[0]] + down[1, rows, edges[1]])
+        width = most + least
+        outside = width < -_ROUNDING * (1 + abs(most))
+        if (slope[outside] * side >= 0).any():
+            return None
+        step = width[outside] / slope[outside]
+        rows = rows[outside]
+        x[rows] -= step
+    return np.column_stack([x, y])
+
+
+def _by_toppra(
+    arc_length: FloatArray, limits: Sequence[PathRows], most: FloatArray
+) -> FloatArray | None:
+    """Return the rates of `_fastest_rates` by the library toppra."""
+    from toppra import algorithm  # takes a second
+
+    unit = _unit(arc_length, limits)
     rows = _Limits(arc_length, limits, np.minimum(most, _AMPLE * unit), unit)
     solver = algorithm.TOPPRA([rows], rows, gridpoints=arc_length, solver_wrapper="seidel")
     _, rate, _ = solver.compute_parameterization(0.0, 0.0)
@@ -259,29 +447,16 @@ class _Limits:
     waypoints, dof, identical = None, 1, False
 
     def __init__(
-        self, arc_length: FloatArray, limits: list[PathRows], most: FloatArray, unit: float
+        self, arc_length: FloatArray, limits: Sequence[PathRows], most: FloatArray, unit: float
     ) -> None:
         """Take limits at the begins of steps, and perhaps at their ends; rates in a unit."""
         self.path_interval = arc_length[[0, -1]]
-        twice = 2 * np.diff(arc_length)[:, None]
-        ends = [np.zeros_like(twice), twice][: len(limits)]
-        a, b, g = (
-            np.concatenate(parts, axis=1)
-            for parts in zip(
-                *(
-                    (each.acceleration + ahead * each.square, each.square, each.allowed)
-                    for each, ahead in zip(limits, ends, strict=True)
-                ),
-                strict=True,
-            )
-        )
         # No step begins at the last point; it has the limits of the last step.
-        a, b, g = (np.vstack([part, part[-1:]]) for part in (a, b, g))
+        a, b, g = (np.vstack([part, part[-1:]]) for part in _step_rows(arc_length, limits, unit))
         count = a.shape[1]
         each_alone = np.broadcast_to(np.eye(count), (len(a), count, count))
         squares = np.column_stack([np.zeros_like(most), (most / unit) ** 2])
-        scaled = (unit**2 * a, unit**2 * b, np.zeros_like(a))
-        self._parameters = (*scaled, each_alone, g, None, squares)
+        self._parameters = (a, b, np.zeros_like(a), each_alone, g, None, squares)
 
     def get_constraint_type(self) -> Any:
         from toppra.constraint import ConstraintType

@@ -70,6 +70,12 @@ class ConeParts:
     t0: FloatArray  # shape (N, J)
     t2: FloatArray  # shape (N, J)
 
+    @property
+    def vectors(self) -> FloatArray:
+        """The vectors (x, t) at rest and by s^2, shape (2, N, J, 4)."""
+        x, t = np.stack([self.x0, self.x2]), np.stack([self.t0, self.t2])
+        return np.concatenate([x, t[..., None]], axis=-1)
+
     def largest_squares(self) -> FloatArray:
         """Return the largest s^2 inside each cone, shape (N, J): 0 or inf where none or any is."""
         x0, x2, t0, t2 = self.x0, self.x2, self.t0, self.t2
