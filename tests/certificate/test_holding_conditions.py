@@ -158,8 +158,9 @@ def test_the_inertia_needs_torque(tmp_path):
     robot = replace_gravity(one_joint(tmp_path), (0, 0, 0))
     part = Payload(1.0, (0, 0, 0), (0.02, 0.02, 0.03, 0, 0, 0))
     cup = Holding(Cup(30.0, 0.1, 0.5, safety=1.0), part)
-    most = 0.5 * 30.0 * 0.1 / 0.03
-    just_holds(held(robot, cup), pushed([most], names=["turn"]), "cup slides")
+    # A quarter of the twist is added for the wrenches that tilt and slide as well.
+    most = 0.5 * 30.0 * 0.1 / 0.03 / 1.25
+    just_holds(held(robot, cup), pushed([most], names=["turn"]), "cup tips")
 
 
 def test_a_reversed_normal_lets_the_part_fall(hand):

@@ -20,7 +20,7 @@ CONTACTS = {
     "tray": Holding(Tray(0.5, (0.08, 0.08)), PART),
     "disc": Holding(Tray(0.5, 0.04), PART),
     "cup": Holding(Cup(42.4, 0.02, 0.5, normal=(0, 0, -1)), HANGING),
-    "gripper": Holding(Gripper(60.0, 0.4, (0.02, 0.03)), HANGING),
+    "gripper": Holding(Gripper(60.0, 0.4, (0.02, 0.03)), Payload(0.8)),
     "liquid": Holding(Liquid(0.4)),
 }
 

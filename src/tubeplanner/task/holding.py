@@ -8,18 +8,43 @@ axes C, z along the normal from the tool into the part:
 with the acceleration b of the tool frame's origin less gravity, the angular velocity w and the
 angular acceleration al, all in the tool frame. A contact holds while W is in cones
 |across W| <= along . W + offset.
+
+The cones are sound: forces at points of the contact, each in its cone of friction mu, add up to
+every wrench inside. They are exact for a force g across and N along the normal whose line meets the
+axis of the centre of mass: it acts at the centre of pressure. Inertia adds a moment d, and leaves a
+twist T = dz + g . d_t / N about that centre, |T| <= h = |dz| + mu |d_t|. A share N2 of N is then
+pressed about the middle, evenly over a circle of radius rho in the foot. For every sliding, two
+points of a diameter take up at least the power of any g2 and T with |(g2, T / rho)| <= mu N2, since
+a norm is convex. With N2 = 5/4 h / (mu rho) this leaves |g2| = 3/4 mu N2. So the part holds while
+
+    |g| <= mu N - h / (2 rho)  and the centre of pressure of N - N2 is inside the foot.
+
+If the centre of pressure is within half of an ellipse, both parts of any chord c1, c2 through it
+have 2 c1 c2 / (c1 + c2) >= 3/4 of its smaller radius, and |(g, h / that)| <= mu N.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, TypeAlias
+from itertools import product
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.checks import are_numbers, in_figures, is_number
 from tubeplanner.errors import ProblemError, shown
-from tubeplanner.fields import Finite, Vector, declaration, declared, documented
+from tubeplanner.fields import (
+    Finite,
+    Vector,
+    declaration,
+    declared,
+    documented,
+    is_pair,
+    is_plain_number,
+    one_of,
+)
+from tubeplanner.geometry.solids import MAX_SIZE
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
@@ -73,20 +98,90 @@ class Cone:
         return np.divide(required, available, out=nothing, where=available > 0)
 
 
-def _both_ways(
-    name: str, component: FloatArray, along: FloatArray, offset: float, nominal: float
+_NONE = np.zeros((0, 6))
+# Of the share of the normal force that carries a twist, and what it takes off the friction.
+_SHARE, _LESS_FRICTION = 1.25, 0.5
+_OFF_AXIS = 1e-9  # [m]
+
+
+def _extra_moment(arm: FloatArray) -> FloatArray:
+    """Return the rows (3, 6) of a wrench's moment beside that of its force at a point (3,)."""
+    return np.hstack([-np.cross(arm, np.eye(3)).T, np.eye(3)])
+
+
+def _twists(extra: FloatArray, mu: float) -> list[FloatArray]:
+    """Return rows (6,) of which the largest is |dz| + mu (|dx| + |dy|), of d = extra W."""
+    signs = product((1.0, -1.0), repeat=3) if extra.any() else [(0.0, 0.0, 0.0)]
+    return [np.array([x * mu, y * mu, z]) @ extra for x, y, z in signs]
+
+
+def _slides(mu: float, rho: float, extra: FloatArray, offset: float, nominal: float) -> list[Cone]:
+    """Return cones of slipping: |g| <= mu (fz + offset) - h / (2 rho)."""
+    across = np.array([_FX, _FY])
+    alongs = (mu * _FZ - _LESS_FRICTION / rho * twist for twist in _twists(extra, mu))
+    return [Cone("slides", across, along, mu * offset, nominal) for along in alongs]
+
+
+def _disc_tips(
+    mu: float, radius: float, away: float, extra: FloatArray, offset: float, nominal: float
 ) -> list[Cone]:
-    """Return the two half spaces of |component . W| <= along . W + offset."""
-    none = np.zeros((0, 6))
-    return [Cone(name, none, along - sign * component, offset, nominal) for sign in (1.0, -1.0)]
+    """Return cones of tipping about a rim; the twist's share is pressed `away` from the middle."""
+    reach, across = radius + away, np.array([_TX, _TY])
+    share = reach * _SHARE / (mu * (radius - away))
+    alongs = (radius * _FZ - share * twist for twist in _twists(extra, mu))
+    return [Cone("tips", across, along, reach * offset, nominal) for along in alongs]
 
 
 # ---- Contacts.
 
+Foot: TypeAlias = Annotated[
+    tuple[Finite, Finite] | Finite,
+    one_of(
+        lambda value: is_plain_number(value) or is_pair(value),
+        "two lengths, or a number, the radius of a disc",
+    ),
+]
+
+# Least and largest values of the numbers of contacts, their unit, and how many there may be.
+_ONE, _TWO = (None,), (2,)
+_BOUNDS: dict[str, tuple[float, float, str, tuple[int | None, ...]]] = {
+    "force": (1e-3, 1e6, " N", _ONE),
+    "friction": (1e-3, 10.0, "", _ONE),
+    "safety": (1.0, 100.0, "", _ONE),
+    "tilt": (1e-3, 1.5, " rad", _ONE),
+    "radius": (1e-5, 10.0, " m", _ONE),
+    "torsion": (1e-5, 10.0, " m", _ONE),
+    "foot": (1e-5, 10.0, " m", _ONE + _TWO),
+    "pad": (1e-5, 10.0, " m", _TWO),
+}
+
+
+class _Checked:
+    """A contact that checks its numbers; messages begin with its kind."""
+
+    kind: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            low, high, unit, counts = _BOUNDS.get(name, (-MAX_SIZE, MAX_SIZE, "", (3,)))
+            count = None if is_number(value) else np.size(value)
+            numbers = [value] if count is None else value
+            if count not in counts or not are_numbers(numbers, count or 1):
+                kinds = " or ".join("a number" if n is None else f"{n} numbers" for n in counts)
+                raise ProblemError(f"{self.kind}.{name} is {shown(value)}; give {kinds}")
+            if not all(low <= number <= high for number in numbers):
+                size = in_figures(value) if count is None else shown(value)
+                raise ProblemError(
+                    f"{self.kind}.{name} is {size}{unit}; {low:g} to {high:g}{unit} are accepted"
+                )
+            if name in ("normal", "closing") and not np.linalg.norm(value) > 1e-6:
+                raise ProblemError(f"{self.kind}.{name} is {shown(value)}; it must have a length")
+            object.__setattr__(self, name, value if count is None else tuple(value))
+
 
 @documented
 @dataclass(frozen=True)
-class Cup:
+class Cup(_Checked):
     """A suction cup: a ring that the vacuum presses onto the part."""
 
     kind: ClassVar[str] = "cup"
@@ -97,19 +192,20 @@ class Cup:
     position: Vector = declared((0.0, 0.0, 0.0), "middle of the ring in tool_frame [m]")
     normal: Vector = declared((0.0, 0.0, 1.0), "from the tool into the part, in tool_frame")
 
-    def cones(self, part: Payload) -> list[Cone]:
-        """Return the cones of a part."""
+    def cones(self, mass: float, com: FloatArray, turns: bool) -> list[Cone]:
+        """Return the cones for a com (3,) in the contact's axes; `turns`: the part has inertia."""
         pull, mu, r = self.force / self.safety, self.friction, self.radius
-        slide, tip = mu * pull, r * pull
+        turns = turns or bool(np.hypot(*com[:2]) > _OFF_AXIS)
+        extra = _extra_moment(com * (0, 0, 1)) * turns
         return [
-            Cone("slides", np.array([_FX, _FY, _TZ / r]), mu * _FZ, slide, slide),
-            Cone("tips", np.array([_TX, _TY]), r * _FZ, tip, tip),
+            *_slides(mu, r, extra, pull, mu * pull),
+            *_disc_tips(mu, r, 0.0, extra, pull, r * pull),
         ]
 
 
 @documented
 @dataclass(frozen=True)
-class Tray:
+class Tray(_Checked):
     """A tray: the part stands on it."""
 
     kind: ClassVar[str] = "tray"
@@ -117,45 +213,46 @@ class Tray:
     foot: tuple[Finite, Finite] | Finite = field(
         metadata=declaration(
             "full lengths along x, the tool frame's x made perpendicular to the normal, and y; or "
-            "a disc's radius [m]"
+            "a disc's radius [m]",
+            Foot,
         )
     )
     safety: Finite = declared(1.2, "divides friction and foot; 1 - 1/safety of the weight is kept")
     position: Vector = declared((0.0, 0.0, 0.0), "middle of the foot in tool_frame [m]")
     normal: Vector = declared((0.0, 0.0, 1.0), "from the tool into the part, in tool_frame")
 
-    def cones(self, part: Payload) -> list[Cone]:
-        """Return the cones of a part, of a rectangle by Caron, Pham & Nakamura (ICRA 2015)."""
-        mu, weight = self.friction / self.safety, part.mass * GRAVITY
-        kept = (1 - 1 / self.safety) * weight
-        slide = mu * weight
+    def cones(self, mass: float, com: FloatArray, turns: bool) -> list[Cone]:
+        """Return the cones, as of a cup; the weight that is kept rests below the com."""
+        mu, weight = self.friction / self.safety, mass * GRAVITY
+        kept, extra = (1 - 1 / self.safety) * weight, _extra_moment(com) * turns
         if isinstance(self.foot, (int, float)):
-            r = self.foot / self.safety
-            tip = np.array([_TX, _TY])
-            across = np.array([_FX, _FY, _TZ / (2 * self.foot / 3)])
+            r, away = self.foot / self.safety, float(np.hypot(*com[:2]))
             return [
-                Cone("slides", across, mu * _FZ, -mu * kept, slide),
-                Cone("tips", tip, r * _FZ, -r * kept, r * weight),
+                *_slides(mu, r - away, extra, -kept, mu * weight),
+                *_disc_tips(mu, r, away, extra, -kept, r * weight),
             ]
-        x, y = (length / 2 / self.safety for length in self.foot)
-        rho = 0.383 * 2 * np.sqrt(x * y) * self.safety
-        across = np.array([_FX, _FY, _TZ / rho])
-        cones = [Cone("slides", across, mu * _FZ, -mu * kept, slide)]
-        cones += _both_ways("tips", _TY, x * _FZ, -x * kept, x * weight)
-        cones += _both_ways("tips", _TX, y * _FZ, -y * kept, y * weight)
-        both = mu * (x + y)
-        for sign in (1.0, -1.0):
-            one, two = y * _FX + sign * mu * _TX, x * _FY + sign * mu * _TY
-            bound = both * _FZ - sign * _TZ
-            for component in (one + two, one - two):
-                cones += _both_ways("slides", component, bound, -both * kept, both * weight)
+        half = np.array(self.foot) / 2 / self.safety
+        rho = float((half - abs(com[:2])).min())
+        cones = _slides(mu, rho, extra, -kept, mu * weight)
+        # |dz| + mu |d_t| <= sqrt(2) |(dz, mu dx, mu dy)|, as one cone.
+        twist = np.sqrt(2) * _SHARE / (mu * rho) * np.array([[mu], [mu], [1]]) * extra
+        # The centre of pressure is (-ty, tx) / fz.
+        for edge, middle, lever in zip(half, com, (-_TY, _TX), strict=False):
+            for side in (1.0, -1.0):
+                reach, along = edge - side * middle, edge * _FZ - side * lever
+                across = reach * twist if turns else _NONE
+                cones.append(Cone("tips", across, along, -reach * kept, edge * weight))
         return cones
 
 
 @documented
 @dataclass(frozen=True)
-class Gripper:
-    """A gripper with two fingers: it presses the part from both sides."""
+class Gripper(_Checked):
+    """A gripper with two fingers: it presses the part from both sides.
+
+    The fingers' forces add up to twice the force, the smaller is |fz| / 2 below it, and each pad
+    carries half of what is across, whatever the part's width.
+    """
 
     kind: ClassVar[str] = "gripper"
     force: Finite = field(metadata=declaration("of each finger [N]"))
@@ -163,7 +260,9 @@ class Gripper:
     pad: tuple[Finite, Finite] = field(
         metadata=declaration("full lengths of the pads along the contact's x and y [m]")
     )
-    torsion: Finite = declared(0.01, "radius of the friction against turning [m]")
+    torsion: Finite = declared(
+        0.01, "radius of the friction against turning, up to 3/8 of the shorter length [m]"
+    )
     safety: Finite = declared(2.0, "divides the force")
     position: Vector = declared((0.0, 0.0, 0.0), "middle between the pads in tool_frame [m]")
     closing: Vector = declared((1.0, 0.0, 0.0), "direction in which it closes, in tool_frame")
@@ -173,24 +272,25 @@ class Gripper:
         """The closing direction."""
         return self.closing
 
-    def cones(self, part: Payload) -> list[Cone]:
-        """Return the cones of a part."""
+    def cones(self, mass: float, com: FloatArray, turns: bool) -> list[Cone]:
+        """Return the cones, as of a cup."""
         press, mu = self.force / self.safety, self.friction
-        slide = 2 * mu * press
-        across = np.array([_FX, _FY, _TZ / self.torsion])
-        cones = [Cone("slides", across, sign * mu * _FZ, slide, slide) for sign in (1.0, -1.0)]
-        x, y = (length / 2 * press for length in self.pad)
-        none = np.zeros(6)
-        return [
-            *cones,
-            *_both_ways("tips", _TX, none, y, y),
-            *_both_ways("tips", _TY, none, x, x),
-        ]
+        turns = turns or bool(np.hypot(*com[:2]) > _OFF_AXIS)
+        extra, (x, y) = _extra_moment(com * (0, 0, 1)) * turns, np.array(self.pad) / 2
+        rho, slide = min(self.torsion, 0.75 * min(x, y)), 2 * mu * press
+        cones = []
+        for pull in (_FZ, -_FZ):
+            # A twist and its opposite are one cone.
+            for twist in _twists(extra, mu)[::2]:
+                across = np.array([_FX, _FY, twist / rho])
+                cones.append(Cone("slides", across, mu * pull, slide, slide))
+            cones.append(Cone("tips", np.array([_TX / y, _TY / x]), pull / 2, press, press))
+        return cones
 
 
 @documented
 @dataclass(frozen=True)
-class Liquid:
+class Liquid(_Checked):
     """A liquid in an open vessel: its surface leans against the vessel."""
 
     kind: ClassVar[str] = "liquid"
@@ -199,10 +299,10 @@ class Liquid:
     normal: Vector = declared((0.0, 0.0, 1.0), "upwards out of the vessel, in tool_frame")
     safety: ClassVar[float] = 1.0
 
-    def cones(self, part: Payload) -> list[Cone]:
+    def cones(self, mass: float, com: FloatArray, turns: bool) -> list[Cone]:
         """Return the cone of a small mass at the surface."""
         slope = float(np.tan(self.tilt))
-        nominal = slope * part.mass * GRAVITY
+        nominal = slope * mass * GRAVITY
         return [Cone("spills", np.array([_FX, _FY]), slope * _FZ, 0.0, nominal)]
 
 
@@ -236,10 +336,30 @@ class Holding:
                 f"holding is by {shown(self.contact)}; give a Cup, Tray, Gripper or Liquid"
             )
         if isinstance(self.contact, Liquid):
-            position = self.contact.position
-            object.__setattr__(self, "part", Payload(1.0, position))
-        if self.part is None or not self.part.mass > 0:
-            raise ProblemError("holding.part is required, with a mass above 0 kg")
+            object.__setattr__(self, "part", Payload(1.0, self.contact.position))
+        if not isinstance(self.part, Payload):
+            raise ProblemError(
+                f"part is {shown(self.part)}; give the mass, com and inertia of what the "
+                f"{self.kind} holds"
+            )
+        if not self.part.mass > 0:
+            raise ProblemError("part.mass is 0 kg; it must be above 0 kg")
+        tray, (x, y, z) = self.contact, self._com.tolist()
+        if not isinstance(tray, Tray):
+            return
+        if z < 0:
+            raise ProblemError(
+                f"tray: the part's com is {-1000 * z:.4g} mm below the tray; turn tray.normal, "
+                "which points from the tool into the part, or move part.com"
+            )
+        is_disc, safety = isinstance(tray.foot, (int, float)), tray.safety
+        half = np.array(tray.foot) / safety / (1 if is_disc else 2)
+        if np.any(half <= (np.hypot(x, y) if is_disc else np.abs((x, y)))):
+            raise ProblemError(
+                f"tray: the part's com is at x {1000 * x:.4g} mm, y {1000 * y:.4g} mm from the "
+                f"middle of the foot, over or beyond its rim: {1000 * half.min():.4g} mm away with "
+                f"safety {safety:g}; move part.com or tray.position, or give a larger foot"
+            )
 
     @property
     def kind(self) -> str:
@@ -280,7 +400,14 @@ class Holding:
     @cached_property
     def cones(self) -> tuple[Cone, ...]:
         """The cones of wrenches in the contact's axes."""
-        return tuple(self.contact.cones(self.mass_properties))
+        part = self.mass_properties
+        return tuple(self.contact.cones(part.mass, self._com, any(part.inertia)))
+
+    @property
+    def _com(self) -> FloatArray:
+        """The part's centre of mass in the contact's axes, from its middle, shape (3,) [m]."""
+        com: FloatArray = np.subtract(self.mass_properties.com, self.contact.position) @ self.axes
+        return com
 
     @cached_property
     def axes(self) -> FloatArray:
