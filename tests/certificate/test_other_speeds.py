@@ -7,16 +7,22 @@ import numpy as np
 import pytest
 from cases import anywhere, changed, falling_arm, rest_to_rest, with_motors
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
-from tubeplanner import Certificate, JointTrajectory, Tolerance, load_robot, verify
+from tubeplanner import Certificate, JointTrajectory, Payload, Tolerance, load_robot, verify
+from tubeplanner.certificate.holding_conditions import HeldPart
 from tubeplanner.certificate.other_speeds import (
+    BrakingBound,
+    _inside,
     highest_up_to_one,
     path_steps,
     tightest_slower_run,
     worst_braking,
 )
+from tubeplanner.cli.report import other_speeds_line
 from tubeplanner.robot.joint_limits import EffortRange
 from tubeplanner.robot.model import effort_rate
+from tubeplanner.task.holding import Cup, Holding, Liquid, Tray
 from tubeplanner.trajectory.joint_trajectory import concatenate
 
 MASS, LENGTH, DURATION = 2.0, 0.6, 1.0  # of the cart and its move [kg], [m], [s]
@@ -161,8 +167,11 @@ def test_slow_motions_stop_within_a_millisecond_of_the_textbooks_time(cart):
     assert braking.distance <= distance + 1.1e-3 * FASTEST / 8
 
 
-def integrated_stop(robot, trajectory, begin):
-    """Return time and distance of one stop: effort by effort, by the equations of motion alone."""
+def integrated_stop(robot, trajectory, begin, kept=None):
+    """Return time and distance of one stop: effort by effort, by the equations of motion alone.
+
+    `kept` is a margin of positions, velocities and accelerations that the stop must not use up.
+    """
     motors, limit = robot.motors, robot.limits.effort
 
     def efforts(q, v, a):
@@ -177,14 +186,17 @@ def integrated_stop(robot, trajectory, begin):
         before = efforts(q, v * p, a * p**2)
         change = efforts(q, v * p, a * p**2 + v) - before
         braked = [(np.sign(-c) * m - e) / c for e, c, m in zip(before, change, limit, strict=True)]
+        rate = max(braked)
+        if kept is not None and kept(q, v * p, a * p**2 + v * rate) < 0:
+            rate = brentq(lambda r: kept(q, v * p, a * p**2 + v * r), rate, 0.0, xtol=1e-9)
         speed = np.linalg.norm(robot.tool_jacobian(q[None])[1][0, :3] @ v)
-        return [p, max(braked), speed * p]
+        return [p, rate, speed * p]
 
     def still(_, state):
         return state[1]
 
     still.terminal = True
-    found = solve_ivp(rates, [0, 1], [begin, 1, 0], events=still, rtol=1e-6, atol=1e-8)
+    found = solve_ivp(rates, [0, 1], [begin, 1, 0], events=still, rtol=1e-5, atol=1e-7)
     return found.t[-1], found.y[2, -1]
 
 
@@ -199,6 +211,76 @@ def test_an_arm_with_gravity_and_friction_stops_as_an_independent_integration_do
     braking = worst_braking(robot, move, 0.0)
     assert 0.999 * time <= braking.time <= 1.02 * time
     assert 0.999 * distance <= braking.distance <= 1.02 * distance
+
+
+def tray(mu):
+    return Holding(Tray(mu, (1.0, 1.0), safety=1.0), Payload(1.0))
+
+
+@pytest.mark.parametrize(("mu", "drops"), [(0.45, True), (0.6, False)])
+def test_a_stop_that_keeps_the_part_is_as_steep_as_friction_allows(cart, mu, drops):
+    problem = changed(anywhere(cart()), holding=(tray(mu),))
+    certificate = verify(problem, MOVE)
+    braking, line = certificate.braking, other_speeds_line(certificate)
+    assert braking.drops is drops
+    if not drops:
+        assert "; as steep a stop keeps the held part; " in line
+        assert braking.holding == BrakingBound(braking.time, braking.distance, braking.where)
+        return
+    (time, distance), held = by_force(10.0), braking.holding
+    assert (braking.time, braking.distance) == pytest.approx((time, distance), rel=0.02)
+    time, distance = by_force(mu * 9.81 * MASS)
+    assert time <= held.time <= time + 5e-3
+    assert distance <= held.distance <= distance + 5e-3 * FASTEST
+    assert certificate.as_dict()["braking"]["holding"]["time"] == held.time
+    shown = f"{held.time:.3f} s and {1000 * held.distance:.0f} mm"
+    assert f"may drop the held part: one that keeps it takes at most {shown}; " in line
+
+
+def test_who_does_not_hold_the_part_has_no_stop_that_keeps_it(cart):
+    problem = changed(anywhere(cart()), holding=(tray(0.3),))
+    certificate = verify(problem, MOVE)
+    assert "holding" in certificate.failures()
+    assert (certificate.braking.drops, certificate.braking.holding) == (None, None)
+    assert certificate.braking.time == pytest.approx(by_force(10.0)[0], rel=0.02)
+
+
+@pytest.mark.parametrize("contact", [Cup(16.0, 0.02, 0.5), Liquid(0.6)])
+def test_a_stop_in_round_cones_is_that_of_an_independent_integration(contact):
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, -9.81))
+    robot = with_motors(robot, limits={"effort": [95, 27]})
+    move = two_link_move(1.0)
+    holding = Holding(contact, Payload(1.0, (0.01, 0.0, 0.02), (1e-3, 1e-3, 2e-3, 0, 0, 0)))
+    part = HeldPart(robot, holding)
+
+    def kept(q, v, a):
+        wrench = part.wrench(q[None], v[None], a[None])
+        return min(float(cone.margin(wrench)[0]) for cone in holding.cones)
+
+    assert kept(*(f(0.5) for f in (move.position, move.velocity, move.acceleration))) > 0
+    braking = worst_braking(robot, move, 0.0, (holding,))
+    assert braking.drops
+    stops = [integrated_stop(robot, move, begin, kept) for begin in np.linspace(0.4, 0.55, 6)]
+    time, distance = np.max(stops, axis=0)
+    assert 0.995 * time <= braking.holding.time <= 1.02 * time + 5e-3
+    assert 0.995 * distance <= braking.holding.distance <= 1.03 * distance + 3e-3
+
+
+def test_the_rates_inside_a_cone_are_those_of_a_dense_search():
+    rng = np.random.default_rng(5)
+    still, turn = rng.normal(size=(2, 1000, 1, 4))
+    still[:, :, 3] += rng.uniform(0, 2, (1000, 1))
+    still[:200, :, :3], turn[:200, :, :3] = 0.0, 0.0  # half spaces
+    turn[200:300] = 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high, is_empty = (each[:, 0] for each in _inside(still, turn))
+    rates = np.tan(np.linspace(-1.5, 1.5, 4001))
+    x = still + rates[:, None] * turn
+    inside = np.linalg.norm(x[..., :3], axis=-1) <= x[..., 3]
+    for k, (each, least, most) in enumerate(zip(inside, low, high, strict=True)):
+        expected = (rates >= least) & (rates <= most) & ~is_empty[k]
+        apart = np.minimum(abs(rates - least), abs(rates - most)) > 1e-6 * (1 + abs(rates))
+        np.testing.assert_array_equal(each[apart], expected[apart])
 
 
 def test_who_cannot_stop_in_a_fall_runs_on(fall):

@@ -46,7 +46,11 @@ AT_REST = ", at rest"
 
 
 class HeldPart:
-    """A part in the arm's hold: its wrench, and the margins of its contact's cones."""
+    """A part in the arm's hold: its wrench, and the margins of the J cones of its contact.
+
+    Attributes:
+        offsets: Of the cones, as shares of the nominal, shape (J,).
+    """
 
     def __init__(self, robot: RobotModel, holding: Holding) -> None:
         self._robot, self._cones = robot, holding.cones
@@ -64,19 +68,22 @@ class HeldPart:
         self._mass, self._lever = part.mass, float(np.linalg.norm(center[:3]))
         self._spread = float(abs(np.linalg.eigvalsh(spread)).sum())
         self._reach = float(np.linalg.norm((self._contact @ center)[:3]))
-        self._across = np.zeros((len(self._cones), 3, 6))
-        for padded, cone in zip(self._across, self._cones, strict=True):
-            padded[: len(cone.across)] = cone.across
-        self._along = np.array([cone.along for cone in self._cones])
-        self._offset = np.array([cone.offset for cone in self._cones])
-        self._nominal = np.array([cone.nominal for cone in self._cones])
+        # Of cones |x| <= t + offset, as shares of the nominal: three rows for x, one for t.
+        self._rows = np.zeros((len(self._cones), 4, 6))
+        for rows, cone in zip(self._rows, self._cones, strict=True):
+            rows[: len(cone.across)] = cone.across / cone.nominal
+            rows[3] = cone.along / cone.nominal
+        self.offsets = np.array([cone.offset / cone.nominal for cone in self._cones])
 
     def margin(self, wrench: FloatArray, cone: IntArray) -> FloatArray:
         """Return margins at wrenches (..., R, 6), each in its cone (R,): a share of the nominal."""
-        across = np.einsum("...rk,rck->...rc", wrench, self._across[cone])
-        along = np.einsum("...rk,rk->...r", wrench, self._along[cone]) + self._offset[cone]
-        margin: FloatArray = (along - np.linalg.norm(across, axis=-1)) / self._nominal[cone]
-        return margin
+        terms = np.einsum("...rk,rck->...rc", wrench, self._rows[cone])
+        margin: FloatArray = terms[..., 3] + self.offsets[cone]
+        return margin - np.linalg.norm(terms[..., :3], axis=-1)
+
+    def cone_terms(self, wrench: FloatArray) -> FloatArray:
+        """Return x and t of all J cones |x| <= t + offset for wrenches (..., 6): (..., J, 4)."""
+        return np.einsum("...k,jck->...jc", wrench, self._rows)
 
     def judged(self, motion: JudgedMotion, name: str, *, is_at_rest: bool) -> JudgedCondition:
         """Judge the cones along a motion, or at rest everywhere on it.
@@ -87,8 +94,8 @@ class HeldPart:
             is_at_rest: True: the arm may stand still anywhere.
         """
         # No cone's margin changes faster with a component of the wrench than this [1/N, 1/N m].
-        rate = np.linalg.norm(self._across, axis=1) + abs(self._along)
-        rate = (rate / self._nominal[:, None]).max(axis=0)
+        rate = np.linalg.norm(self._rows[:, :3], axis=1) + abs(self._rows[:, 3])
+        rate = rate.max(axis=0)
         with np.errstate(divide="ignore"):  # no cone minds some components
             tolerance = _ENCLOSURE / (6 * rate)
         wrench = enclosed(

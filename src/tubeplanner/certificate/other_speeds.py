@@ -7,8 +7,10 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.certificate.holding_conditions import HeldPart
 from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel, effort_rate, gravity_effort_rate
+from tubeplanner.task.holding import Holding
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.parts import monotone_intervals
 
@@ -31,7 +33,7 @@ class SlowerRun:
 
 
 @dataclass(frozen=True)
-class Braking:
+class BrakingBound:
     """Bounds on time and distance in which an arm can come to rest along its path.
 
     Attributes:
@@ -45,15 +47,35 @@ class Braking:
     where: Location
 
 
+@dataclass(frozen=True)
+class Braking(BrakingBound):
+    """Braking as steep as motors allow, and braking that keeps held parts.
+
+    Attributes:
+        drops: True if braking as steep as motors allow leaves the cones of a contact; None: no part
+            is held, or not by the trajectory itself.
+        holding: Bounds for braking that keeps the parts; None where `drops` is.
+    """
+
+    drops: bool | None = None
+    holding: BrakingBound | None = None
+
+
 class OtherSpeeds:
     """Slower runs and braking of a trajectory, computed at the first use.
 
     Of most certificates nobody asks for either. Pickles and copies can compute both.
     """
 
-    def __init__(self, robot: RobotModel, trajectory: JointTrajectory, tolerance: float) -> None:
+    def __init__(
+        self,
+        robot: RobotModel,
+        trajectory: JointTrajectory,
+        tolerance: float,
+        holdings: Sequence[Holding] = (),
+    ) -> None:
         """Take a trajectory in the robot's joint order; limits may be exceeded by a tolerance."""
-        self._arguments = (robot, trajectory, tolerance)
+        self._arguments = (robot, trajectory, tolerance, holdings)
 
     @cached_property
     def slower(self) -> SlowerRun | None:
@@ -304,15 +326,20 @@ def highest_up_to_one(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]
 # brakes. From every place, p^2 is lowered over the steps of a grid as steeply as the limits allow,
 # in which p' is bounded from both sides by every limit (Bobrow, Dubowsky & Gibson, "Time-optimal
 # control of robotic manipulators along specified paths", 1985). A step keeps one p', which suits
-# the limits at both its ends.
+# the limits at both its ends. The wrench on a held part is static + square p^2 + change p', too:
+# those p' that leave it in a cone are an interval.
 
 _STEP = 1e-3  # [s]: longest step, unless that makes too many
 _MIN_BRAKING_STEPS, _MAX_BRAKING_STEPS = 1000, 20_000
+_HELD_STARTS = 4  # each so many starts are of a stop that keeps held parts, which takes longer
 _TANGENT, _CHORD = 0.5, 1.0
 
 
 def worst_braking(
-    robot: RobotModel, trajectory: JointTrajectory, tolerance: float
+    robot: RobotModel,
+    trajectory: JointTrajectory,
+    tolerance: float,
+    holdings: Sequence[Holding] = (),
 ) -> Braking | None:
     """Return the bounds for the worst instant at which an arm may begin to brake.
 
@@ -324,6 +351,7 @@ def worst_braking(
         robot: The arm.
         trajectory: In its joint order, itself within the limits, at rest at both ends.
         tolerance: Fraction by which each limit may be exceeded.
+        holdings: Parts that the trajectory itself holds.
 
     Returns:
         None if nothing limits efforts and accelerations.
@@ -331,8 +359,8 @@ def worst_braking(
     count = np.ceil(trajectory.duration / _STEP)
     count = np.clip(count, _MIN_BRAKING_STEPS, _MAX_BRAKING_STEPS)
     steps = path_steps(trajectory, int(count), 1)
-    sides = LimitSides.joined([effort_sides(robot, steps), acceleration_sides(robot, steps)])
-    if len(sides.joint) == 0:
+    limits = LimitSides.joined([effort_sides(robot, steps), acceleration_sides(robot, steps)])
+    if len(limits.joint) == 0:
         return None
     jacobian = robot.tool_jacobian(steps.at_ends(0))[1][:, :3]
     speed = np.linalg.norm(np.einsum("nij,nj->ni", jacobian, steps.at_ends(1)), axis=1)
@@ -340,33 +368,75 @@ def worst_braking(
     length = speed.reshape(2, -1).mean(axis=0) * width
     every = -(-len(width) // (2 * _MAX_BRAKING_STEPS))
     starts = np.arange(0, len(width), every)
-    table = np.stack([1 + tolerance - sides.static, sides.linear, sides.square, sides.change])
-    with np.errstate(divide="ignore", invalid="ignore"):  # a side that nothing takes from
-        time, distance = _rests(table.reshape(4, 2, len(width), -1), width, length, starts)
-    # Braking that begins between two starts runs on to the next of these.
-    time[1:] += np.add.reduceat(width, starts)[:-1]
-    distance[1:] += np.add.reduceat(length, starts)[:-1]
-    begins = steps.start[starts]
-    worst = int(distance.argmax())
-    tool = robot.tool_position(trajectory.position(begins[worst : worst + 1]))[0]
-    where = Location(time=float(begins[worst])).at(tool)
-    return Braking(float(time.max()), float(distance[worst]), where)
+    table = np.stack([1 + tolerance - limits.static, limits.linear, limits.square, limits.change])
+    table = table.reshape(4, 2, len(width), -1)
+    cones = _cones([HeldPart(robot, holding) for holding in holdings], steps, tolerance)
+
+    def bound(
+        sides: FloatArray, kept: FloatArray, watched: FloatArray, starts: IntArray
+    ) -> tuple[BrakingBound, bool]:
+        with np.errstate(divide="ignore", invalid="ignore"):  # a side that nothing takes from
+            time, distance, leaves = _rests(sides, kept, watched, width, length, starts)
+        # Braking that begins between two starts runs on to the next of these.
+        time[1:] += np.add.reduceat(width, starts)[:-1]
+        distance[1:] += np.add.reduceat(length, starts)[:-1]
+        begins = steps.start[starts]
+        worst = int(distance.argmax())
+        tool = robot.tool_position(trajectory.position(begins[worst : worst + 1]))[0]
+        where = Location(time=float(begins[worst])).at(tool)
+        return BrakingBound(float(time.max()), float(distance[worst]), where), leaves
+
+    none = cones[:, :, :, :0]
+    steepest, drops = bound(table, none, cones, starts)
+    numbers = steepest.time, steepest.distance, steepest.where
+    if not drops:
+        return Braking(*numbers, *((drops, steepest) if holdings else ()))
+    # Half spaces are sides.
+    is_flat = ~cones[..., :3].any(axis=(0, 1, 2, 4))
+    still, growth, turn = cones[:, :, :, is_flat, 3]
+    sides_kept = np.concatenate([table, [still, 0 * still, -growth, -turn]], axis=3)
+    kept = sides_kept, cones[:, :, :, ~is_flat], none
+    return Braking(*numbers, drops, bound(*kept, starts[::_HELD_STARTS])[0])
+
+
+def _cones(parts: Sequence[HeldPart], steps: PathSteps, tolerance: float) -> FloatArray:
+    """Return the terms x and t of J cones |x| <= t by 1, p^2 and p', shape (3, 2, S, J, 4)."""
+    q, v, a = (steps.at_ends(order) for order in range(3))
+    terms = [np.zeros((3, len(q), 0, 4))]
+    for part in parts:
+        still = part.wrench(q)
+        wrench = np.stack([still, part.wrench(q, v, a) - still, part.wrench(q, 0 * v, v) - still])
+        terms.append(part.cone_terms(wrench))
+        terms[-1][0, :, :, 3] += part.offsets + tolerance
+    return np.concatenate(terms, axis=2).reshape(3, 2, len(steps.piece), -1, 4)
 
 
 def _rests(
-    sides: FloatArray, width: FloatArray, length: FloatArray, starts: IntArray
-) -> tuple[FloatArray, FloatArray]:
+    sides: FloatArray,
+    cones: FloatArray,
+    watched: FloatArray,
+    width: FloatArray,
+    length: FloatArray,
+    starts: IntArray,
+) -> tuple[FloatArray, FloatArray, bool]:
     """Return times and distances to rest of runs that brake from the start of steps (K,), (K,).
 
     A run that cannot brake at some sample counts as one that runs on to the end of the trajectory.
+    The last value is True if a run that brakes leaves a watched cone.
     """
     bounds = np.stack([np.cumsum(part[::-1])[::-1][starts] for part in (width, length)])
-    run, step = np.arange(len(starts)), starts
+    run, step, leaves = np.arange(len(starts)), starts, False
     square, spent = np.ones(len(starts)), np.zeros((2, len(starts)))
     while len(run):
         h = width[step]
-        rate, is_possible = _steepest(sides[:, :, step], h, square)
+        rate, is_possible = _steepest(sides[:, :, step], cones[:, :, step], h, square)
         after = np.maximum(square + 2 * h * rate, 0.0)
+        if watched.size and not leaves:
+            static, by_square, change = watched[:, :, step]
+            squares = np.stack([square, after])[..., None, None]
+            x = static + by_square * squares + change * rate[:, None, None]
+            is_out = np.linalg.norm(x[..., :3], axis=-1) > x[..., 3]
+            leaves |= bool(is_out[:, is_possible].any())
         fraction = np.where(after > 0, 1.0, -square / (2 * h * rate))
         spent += [2 * fraction * h / (np.sqrt(square) + np.sqrt(after)), fraction * length[step]]
         rests = is_possible & ((after == 0) | (step == len(width) - 1))
@@ -378,11 +448,11 @@ def _rests(
             after[goes_on],
             spent[:, goes_on],
         )
-    return bounds[0], bounds[1]
+    return bounds[0], bounds[1], leaves
 
 
 def _steepest(
-    sides: FloatArray, width: FloatArray, square: FloatArray
+    sides: FloatArray, cones: FloatArray, width: FloatArray, square: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Return the least mean p' over a step for each of K runs, and a mask of its existence: (K,).
 
@@ -390,33 +460,50 @@ def _steepest(
 
     Args:
         sides: Slack at p = 0, and the factors of p, p^2 and p', at both ends: (4, 2, K, R).
+        cones: Terms of cones at both ends, (3, 2, K, J, 4).
         width: Of the steps, shape (K,) [s].
         square: p^2 at their starts, shape (K,).
     """
     change = sides[3]
     at_start, at_end, by_square = _slack(sides, width, square)
-    first, is_first = _least(change[0], at_start)
-    last, is_last = _least(change[1] + by_square, at_end - by_square * first[:, None])
+    still, growth, turn = cones[0] + cones[1] * square[:, None, None], cones[1, 1], cones[2]
+    growth = growth * width[:, None, None]
+    first, is_first = _least(change[0], at_start, still[0], turn[0])
+    grown = still[1] + growth * first[:, None, None]
+    last, is_last = _least(
+        change[1] + by_square, at_end - by_square * first[:, None], grown, turn[1] + growth
+    )
     rate, is_possible = (first + last) / 2, is_first & is_last
     others = ~(is_possible & (square + 2 * width * rate > 0))
     if others.any():
         rate[others], is_possible[others] = _steady(
-            sides[:, :, others], width[others], square[others]
+            sides[:, :, others], cones[:, :, others], width[others], square[others]
         )
     return rate, is_possible
 
 
 def _steady(
-    sides: FloatArray, width: FloatArray, square: FloatArray
+    sides: FloatArray, cones: FloatArray, width: FloatArray, square: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Return the least constant p' within the limits at both ends of a step, as `_steepest`."""
     slack, change = sides[0], sides[3]
     at_start, at_end, by_square = _slack(sides, width, square)
+    still, growth, turn = cones[0] + cones[1] * square[:, None, None], cones[1, 1], cones[2]
+    growth = growth * 2 * width[:, None, None]
     factors = np.hstack([change[0], change[1] + 2 * by_square])
-    rate, is_possible = _least(factors, np.hstack([at_start, at_end]))
+    rate, is_possible = _least(
+        factors,
+        np.hstack([at_start, at_end]),
+        np.hstack([still[0], still[1]]),
+        np.hstack([turn[0], turn[1] + growth]),
+    )
     # For runs that rest before the end, the limits at the end count at rest.
-    at_rest = np.hstack([at_start, slack[1]])
-    harder, can_rest = _least(np.hstack([change[0], change[1]]), at_rest)
+    harder, can_rest = _least(
+        np.hstack([change[0], change[1]]),
+        np.hstack([at_start, slack[1]]),
+        np.hstack([still[0], cones[0, 1]]),
+        np.hstack([turn[0], turn[1]]),
+    )
     to_rest = -square / (2 * width)
     rests = is_possible & (rate <= to_rest)
     return np.where(rests, np.minimum(harder, to_rest), rate), is_possible & (can_rest | ~rests)
@@ -437,10 +524,39 @@ def _slack(
     return at_start, at_end, width[:, None] * (quadratic[1] + bend)
 
 
-def _least(factor: FloatArray, slack: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the least p' with factor p' <= slack in all C columns, and masks of p' <= 0: (K,)."""
+def _least(
+    factor: FloatArray, slack: FloatArray, still: FloatArray, turn: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return the least p' within the limits, and masks of p' <= 0: (K,).
+
+    Args:
+        factor: Of p' in C sides factor p' <= slack, shape (K, C).
+        slack: Shape (K, C).
+        still: x and t of J cones |x| <= t at p' = 0, shape (K, J, 4).
+        turn: Their rates with p', shape (K, J, 4).
+    """
     ratio = slack / factor
-    least = np.where(factor < 0, ratio, -np.inf).max(axis=1)
-    most = np.where(factor > 0, ratio, 0.0).min(axis=1)
-    is_blocked = ((factor == 0) & (slack < 0)).any(axis=1)
+    low, high, is_empty = _inside(still, turn)
+    least = np.hstack([np.where(factor < 0, ratio, -np.inf), low]).max(axis=1)
+    most = np.hstack([np.where(factor > 0, ratio, 0.0), high]).min(axis=1)
+    is_blocked = ((factor == 0) & (slack < 0)).any(axis=1) | is_empty.any(axis=1)
     return least, (least <= np.minimum(most, 0.0)) & ~is_blocked
+
+
+def _inside(still: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return the least and the largest p' inside cones as in `_least`, and where none is: (K, J).
+
+    |x + p' d| = t + p' e at the zeros of a p'^2 + 2 b p' + c, where t + p' e is not negative.
+    """
+    metric = np.array([1.0, 1.0, 1.0, -1.0])
+    a, b, c = turn**2 @ metric, (still * turn) @ metric, still**2 @ metric
+    root = b**2 - a * c
+    sum_ = -(b + np.copysign(np.sqrt(np.maximum(root, 0.0)), b))
+    zeros = np.sort([sum_ / a, c / sum_], axis=0)  # NaN, of a cone that p' does not change, is last
+    rises = turn[..., 3] > 0
+    low = np.where(a < 0, np.where(rises, zeros[1], -np.inf), zeros[0])
+    high = np.where(a < 0, np.where(rises, np.inf, zeros[0]), zeros[1])
+    middle = still[..., 3] + np.clip(-b / a, low, high) * turn[..., 3]
+    fixed = (turn == 0).all(axis=-1)
+    is_empty = np.where(fixed, (c > 0) | (still[..., 3] < 0), (a > 0) & ((root < 0) | (middle < 0)))
+    return np.where(fixed, -np.inf, low), np.where(fixed, np.inf, high), is_empty

@@ -169,9 +169,13 @@ class Certificate:
         None where nothing limits efforts and accelerations, where the trajectory itself fails a
         condition that the bound presupposes, or if not known.
         """
-        if self.other_speeds is None or not _BRAKING_CONDITIONS.isdisjoint(self.failures()):
+        failures = self.failures()
+        if self.other_speeds is None or not _BRAKING_CONDITIONS.isdisjoint(failures):
             return None
-        return self.other_speeds.braking
+        braking = self.other_speeds.braking
+        if braking is not None and "holding" in failures:
+            return replace(braking, drops=None, holding=None)
+        return braking
 
     def describe(self, name: str) -> str:
         """Return a line about a condition: margin, unit, location."""
@@ -240,7 +244,8 @@ def quick_certificate(
     """
     motion = _motion(problem, trajectory, tolerance)
     conditions = {name: judge(motion) for name, judge in JUDGED.items()}
-    speeds = OtherSpeeds(problem.robot, motion.trajectory, tolerance.relative)
+    held = problem.robot, motion.trajectory, tolerance.relative, problem.holding
+    speeds = OtherSpeeds(*held)
     return Certificate(conditions, tolerance, problem.collision.left_out, speeds)
 
 

@@ -218,6 +218,14 @@ def other_speeds_line(certificate: Certificate) -> str:
             f"brakes to rest within {braking.time:.3f} s and {1000 * braking.distance:.0f} mm of "
             f"the tool's path (longest from {braking.where})"
         )
+        if braking.holding is not None:
+            held = braking.holding
+            parts.append(
+                f"as steep a stop may drop the held part: one that keeps it takes at most "
+                f"{held.time:.3f} s and {1000 * held.distance:.0f} mm"
+                if braking.drops
+                else "as steep a stop keeps the held part"
+            )
     failure = certificate.slower_failure
     if failure is None:
         parts.append("slower runs keep all limits")
