@@ -51,8 +51,8 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "EffortCosts.work": [("np.maximum(power, 0.0)", "abs(power)")],
     "_slow_efforts": [("-gravity - friction.least", "-gravity")],
     "SpeedPolynomial.largest_speed": [("np.minimum.reduce", "np.maximum.reduce")],
-    "ToolSpeed.__init__": [("np.minimum(free, tube.tool_speed)", "free")],
-    "speed_by_path": [(" / np.maximum(size, np.finfo(float).tiny)", "")],
+    "_ToolLimit.__init__": [("np.minimum(free, of_tube)", "free")],
+    "PointRates.by_path": [(" / np.maximum(size, np.finfo(float).tiny)", "")],
     # Bounds between samples
     "rigid_body_majorant": [
         ("inertia.mass * gravity", "0.0"),

@@ -117,13 +117,13 @@ def anywhere(robot):
     return PlanningProblem(robot, tube, np.zeros(robot.joint_count), self_collision=False)
 
 
-def limited_tool(tube_speed=None, robot_speed=None, count=3):
-    """A problem of the two-link arm in a bent tube, with limits on the tool's speed."""
+def limited_tool(tube_value=None, robot_value=None, count=3, quantity="tool_speed"):
+    """A problem of the two-link arm in a bent tube, with limits on a quantity of the tool."""
     free = {"joint1": np.inf, "joint2": np.inf}
-    limits = LimitOverrides(velocity=free, tool_speed=robot_speed)
+    limits = LimitOverrides(velocity=free, **{quantity: robot_value})
     robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
     points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0], [0.1, 0.4, 0]][: count + 1]
-    tube = Tube(points, 0.05, joint_signs={"joint2": "-"}, tool_speed=tube_speed)
+    tube = Tube(points, 0.05, joint_signs={"joint2": "-"}, **{quantity: tube_value})
     return PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])))
 
 

@@ -365,6 +365,6 @@ def test_no_way_through_a_random_tube_is_shorter(seed):
 
 def test_in_a_tube_for_two_link_arms_the_tool_may_be_beside_the_end():
     """That arm does not reach all points of the ball: its tool is anywhere in it."""
-    problem = limited_tool(tube_speed=SPEED, count=1)
+    problem = limited_tool(tube_value=SPEED, count=1)
     length = np.linalg.norm(np.diff(problem.tube.points, axis=0))
     assert slowest_tool(problem).duration == pytest.approx((length - 2 * 0.05) / SPEED, rel=1e-4)

@@ -17,7 +17,7 @@ from tubeplanner import (
 )
 from tubeplanner.limits.binding_limits import limit_uses
 from tubeplanner.limits.path_samples import PathSamples
-from tubeplanner.limits.rates import PointSpeedLimit, ToolSpeed, speed_by_path
+from tubeplanner.limits.rates import PointSpeedLimit, ToolAcceleration, ToolSpeed
 from tubeplanner.limits.speed_limits import scaled_to_limits, scaling_factor, unused_speed
 from tubeplanner.robot.joint_limits import EffortRange
 
@@ -32,16 +32,17 @@ from tubeplanner.robot.joint_limits import EffortRange
         ([0.6, None, 0.8], None, [0.6, np.inf, 0.8]),
     ],
 )
+@pytest.mark.parametrize("kind", [ToolSpeed, ToolAcceleration])
 def test_of_the_robots_limit_and_the_tubes_the_smaller_one_counts(
-    tube_speed, robot_speed, expected
+    tube_speed, robot_speed, expected, kind
 ):
     """A sample has the key of its segment."""
-    problem = limited_tool(tube_speed, robot_speed)
-    limit = ToolSpeed(problem)
+    problem = limited_tool(tube_speed, robot_speed, quantity=kind.kind)
+    limit = kind(problem)
     assert limit.limit.tolist() == expected
     limited = np.flatnonzero(np.isfinite(expected)).tolist()
     keys = [(key.kind, key.joint, key.segment) for key in limit.keys]
-    assert keys == [("tool_speed", None, k) for k in limited]
+    assert keys == [(kind.kind, None, k) for k in limited]
     if limited:
         at = PathSamples(problem, np.zeros((3, 3, 2)), lambda: np.array([2, 2, 0]))
         assert limit.key_of(at).tolist() == [[limited.index(k)] for k in (2, 2, 0)]
@@ -66,6 +67,25 @@ def test_a_shape_is_run_at_the_limit_of_each_segment(stored):
     assert tool_speed(problem.robot, at).max() == pytest.approx(0.4, rel=1e-5)
 
 
+def test_a_shape_is_run_at_the_limit_on_the_tools_acceleration(stored):
+    """Twice as fast, the acceleration is four times as large."""
+    problem, trajectory = stored("two_link/around_a_post")
+    robot = problem.robot
+
+    def peak(motion):
+        at = motion.at(np.linspace(0, motion.duration, 20_001))
+        acceleration = robot.tool_motion(at.position, at.velocity, at.acceleration)[:, :3]
+        return np.linalg.norm(acceleration, axis=1).max()
+
+    loose = peak(scaled_to_limits(problem, trajectory))
+    problem = problem.with_tube(replace(problem.tube, tool_acceleration=[None, None, loose / 9]))
+    pieces = np.full(len(trajectory.widths), 2)
+    scaled = scaled_to_limits(problem, trajectory, segments=pieces)
+    assert peak(scaled) == pytest.approx(loose / 9, rel=1e-5)
+    free = scaled_to_limits(problem, trajectory, segments=np.zeros_like(pieces))
+    assert scaled.duration == pytest.approx(3 * free.duration, rel=1e-5)
+
+
 # The limits on the speed of points of the arm: one that turns on a lever of 0.5 m, one of 1.3 m.
 
 POINTS = [PointSpeed("bar", (0.3, 0.4, 0.7), 0.5), PointSpeed("bar", (1.2, -0.5, 0.0), 2.6)]
@@ -81,7 +101,7 @@ def bar(tmp_path):
     )
 
 
-def test_each_point_is_a_share_of_its_own_limit(bar, ur5):
+def test_each_point_is_a_share_of_its_own_limit(bar):
     """Where the point rests its speed does not change with the path."""
     problem = bar(POINTS)
     limit = PointSpeedLimit(problem.robot.limits.point_speed)
@@ -94,8 +114,6 @@ def test_each_point_is_a_share_of_its_own_limit(bar, ur5):
     assert limit.key_of(at).tolist() == [[0, 1]]
     expected = 2.0 * np.sign(rates) * LEVERS / [0.5, 2.6]
     np.testing.assert_allclose(limit.by_path(at, 2.0)[1][..., 0], expected, atol=1e-12)
-    still = speed_by_path(ur5.tool_velocity(*np.zeros((2, 3, 6))), np.ones(3))
-    assert all((each == 0).all() for each in still)
 
 
 def only(uses, kind):

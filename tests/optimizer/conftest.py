@@ -55,7 +55,7 @@ def case(limited):
         "orientations": Rotation.from_matrix(rotation).as_quat(),
         "rotation_tolerance": [0.3, [0.2, np.inf, 0.4]],
     }
-    tube = Tube(tool, [0.1, 0.2], tool_speed=[0.6, 0.9], **turns)
+    tube = Tube(tool, [0.1, 0.2], tool_speed=[0.6, 0.9], tool_acceleration=[7.0, 5.0], **turns)
     problem = PlanningProblem(limited, tube, points[0], obstacles=[ball], clearance=0.01)
     samples = grid.samples(np.array([0.2, 0.7]))
     return problem, PhasedSpline(grid, SWITCHING_TIMES, points), samples

@@ -56,7 +56,7 @@ def evaluated(kind, case, spline=None):
     if kind in SPANS:
         turns = (tube.rotation, at, path, MARGIN, np.array([9, 10]), path.segment)
         return EvaluatedRotation(*turns, SPANS[kind]).angle()
-    if kind in ("tool_speed", "point_speed"):
+    if kind in ("tool_speed", "tool_acceleration", "point_speed"):
         limits = {limit.kind: limit for limit in speed_limits(problem)}
         limit = EvaluatedSpeedLimit(limits[kind], at, path, np.arange(len(limits[kind].keys)))
         return evaluated_speeds(limit, 0.8)[-1]
@@ -84,7 +84,8 @@ def random_planes(here, seed=0):
 
 
 @pytest.mark.parametrize(
-    "kind", ["tube", "box", *SPANS, "points", "goal", "tool_speed", "point_speed"]
+    "kind",
+    ["tube", "box", *SPANS, "points", "goal", "tool_speed", "tool_acceleration", "point_speed"],
 )
 def test_rows_have_the_derivatives_of_their_slack(case, kind):
     here, spline = evaluated(kind, case), case[1]
@@ -138,7 +139,7 @@ def test_every_plane_holds_the_region(case, kind):
     assert (-here.slack(planes) <= here.excess[planes.sample] + 1e-9).all()
 
 
-@pytest.mark.parametrize("kind", ["tube", "box", "angle", "tool_speed"])
+@pytest.mark.parametrize("kind", ["tube", "box", "angle", "tool_speed", "tool_acceleration"])
 def test_tangent_planes_are_where_vectors_are_outside(case, kind):
     here = evaluated(kind, case)
     radius = here.regions.radius[here.segment]

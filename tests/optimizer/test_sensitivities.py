@@ -116,6 +116,7 @@ CASES = {
     "effort_rate": (by_joint("effort_rate", 400.0, 100.0, **TURNED), None),
     "velocity_by_position": (by_law, 1),
     "tool_speed": (by_tube("tool_speed", 1.2, 0.6), 1),
+    "tool_acceleration": (by_tube("tool_acceleration", 9.0, 4.0), 2),
     "point_speed": (by_point_speed, 1),
     "radius": (by_tube("radius", 0.05, 0.05), 0),
     "width": (by_side(0), 0),

@@ -36,7 +36,7 @@ ENDS = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
 LIMITS = (
     *("effort", "effort_rate", "velocity", "acceleration", "jerk"),
-    *("velocity_by_position", "tool_speed", "point_speed"),
+    *("velocity_by_position", "tool_speed", "tool_acceleration", "point_speed"),
 )
 FRICTION = {"backwards_friction": 4.0, "forwards_friction": 2.0}
 ARMED = {"armature": 0.4, "viscous_friction": 3.0}

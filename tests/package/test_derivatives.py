@@ -57,6 +57,19 @@ def effort_by(argument):
     return case
 
 
+def tool_motion_by(argument):
+    def case(robot):
+        trajectory = list(random_trajectory(robot))
+
+        def motion(x):
+            return robot.tool_motion(*trajectory[:argument], x, *trajectory[argument + 1 :])
+
+        exact = robot.tool_motion_derivatives(*trajectory)[argument]
+        return motion, trajectory[argument], exact
+
+    return case
+
+
 def tool_by_joints(robot):
     q, _, _ = random_trajectory(robot)
     return robot.tool_position, q, robot.tool_jacobian(q)[1][:, :3]
@@ -200,6 +213,9 @@ TABLE = {
     "effort by position": (effort_by(0), 1e-6),
     "effort by velocity": (effort_by(1), 1e-6),
     "effort by acceleration": (effort_by(2), 1e-6),
+    "tool motion by position": (tool_motion_by(0), 1e-6),
+    "tool motion by velocity": (tool_motion_by(1), 1e-6),
+    "tool motion by acceleration": (tool_motion_by(2), 1e-6),
     "trajectory velocity": (trajectory_by_time(0), 1e-7),
     "trajectory acceleration": (trajectory_by_time(1), 1e-7),
     **OF_OBJECTIVES,

@@ -202,12 +202,12 @@ SHELVES, WALL = "panda/between_shelves", "ur5/over_the_wall"
 POINTS = [PointSpeed("hand", (0.0, 0.1, 0.0), 0.6), PointSpeed("link2", (0.0, 0.0, 0.0), 0.5)]
 
 
-def bent(tube_speed=None, **limits):
-    """A two-link arm with limits in a tube around a corner."""
+def bent(tube=None, **limits):
+    """A two-link arm with limits in a tube around a corner, of which some fields are different."""
     limits = LimitOverrides(velocity=dict.fromkeys(NAMES, np.inf), **limits)
     robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
     points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
-    tube = Tube(points, 0.05, joint_signs={"joint2": "-"}, tool_speed=tube_speed)
+    tube = Tube(points, 0.05, joint_signs={"joint2": "-"}, **tube or {})
     return PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])))
 
 
@@ -218,8 +218,13 @@ LIMITED = {
     "effort rates": ("effort_rate", {"effort_rate": {"joint1": 300.0, "joint2": 200.0}}),
     "velocity by position": ("velocity", {"velocity_by_position": NEAR}),
     "speeds of points": ("point_speed", {"point_speed": POINTS}),
-    "speed in a segment": ("tool_speed", {"tube_speed": [None, 0.5]}),
-    "speeds of tube and arm": ("tool_speed", {"tube_speed": [0.4, 0.9], "tool_speed": 0.8}),
+    "speed in a segment": ("tool_speed", {"tube": {"tool_speed": [None, 0.5]}}),
+    "speeds of tube and arm": (
+        "tool_speed",
+        {"tube": {"tool_speed": [0.4, 0.9]}, "tool_speed": 0.8},
+    ),
+    "acceleration of the tool": ("tool_acceleration", {"tool_acceleration": 6.0}),
+    "acceleration in a segment": ("tool_acceleration", {"tube": {"tool_acceleration": [4, None]}}),
 }
 
 
@@ -238,7 +243,8 @@ def free_duration(method):
 @pytest.mark.parametrize(
     ("name", "method"),
     [(name, "refinement") for name in LIMITED]
-    + [(name, STOP) for name in ("velocity by position", "speeds of points", "speed in a segment")],
+    + [(name, STOP) for name in ("velocity by position", "speeds of points", "speed in a segment")]
+    + [("acceleration of the tool", STOP)],
 )
 def test_plans_keep_a_limit_and_use_it(name, method):
     condition, fields = LIMITED[name]

@@ -1,4 +1,4 @@
-"""Conditions on the tool: tube, compulsory points, orientation, speed; speeds of link points."""
+"""Conditions on the tool: tube, points, orientation, speed, acceleration; speeds of link points."""
 
 from dataclasses import dataclass
 
@@ -36,6 +36,7 @@ from tubeplanner.orientation import (
     turning_gain_rate,
 )
 from tubeplanner.outcome import Location
+from tubeplanner.robot.kinematics import cross_product
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.overrides import PointSpeed
 from tubeplanner.task.problem import PlanningProblem
@@ -239,67 +240,85 @@ def _chord_distance(
     return np.where(move <= _MAX_MOVE, distance, np.inf), error
 
 
-# ---- The speeds of the tool, segment by segment, and of points that move with the arm's links.
+# ---- Speed and acceleration of the tool, segment by segment; speeds of points on links.
 
-# Error of enclosed velocities, as a fraction of the least limit: tighter than the certificate's
+# Error of enclosed vectors, as a fraction of the least limit: tighter than the certificate's
 # tolerance, so that the planner may use most of that.
 _ENCLOSURE = 1e-8
 
 
 def judge_tool_speed(motion: JudgedMotion) -> JudgedCondition:
     """Judge the speed of the tool centre point, by polynomials that enclose its velocity."""
-    limit = _limits(motion.problem)
+    return _judged_in_segments(motion, "tool_speed", _velocity(motion.robot))
+
+
+def judge_tool_acceleration(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the acceleration of the tool centre point, likewise; gravity is not counted."""
+    return _judged_in_segments(motion, "tool_acceleration", _acceleration(motion.robot))
+
+
+def _judged_in_segments(motion: JudgedMotion, name: str, quantity: Quantity) -> JudgedCondition:
+    """Judge the norm of a vector of the tool against each segment's limit of that name."""
+    limit = _limits(motion.problem, name)
     if not np.isfinite(limit).any():
-        return not_required(RELATIVE, "the tool's speed is free")
-    velocity = enclosed(
-        motion.trajectory, _velocity(motion.robot), np.full(3, _ENCLOSURE * limit.min())
-    )
+        return not_required(RELATIVE, f"the tool's {name.removeprefix('tool_')} is free")
+    vector = enclosed(motion.trajectory, quantity, np.full(3, _ENCLOSURE * limit.min()))
 
-    def margin(vector: FloatArray, segment: IntArray) -> FloatArray:
-        return 1 - np.linalg.norm(vector, axis=2) / limit[segment]
+    def margin(values: FloatArray, segment: IntArray) -> FloatArray:
+        return 1 - np.linalg.norm(values, axis=2) / limit[segment]
 
-    least = least_concave_margin(velocity, motion.visits, margin, 1 / limit)
+    least = least_concave_margin(vector, motion.visits, margin, 1 / limit)
     location = motion.location_in_segment(least.segment, least.time)
     return bracketed(least.lower_bound, least.attained, RELATIVE, location)
 
 
-class ToolSpeedMargin:
-    """A `SegmentMargin`: 1 less the tool's speed as a fraction of each segment's limit."""
+class ToolRateMargin:
+    """A `SegmentMargin`: 1 less a norm of the tool's as a fraction of each segment's limit."""
 
-    def __init__(
-        self, problem: PlanningProblem, trajectory: JointTrajectory, limit: FloatArray
-    ) -> None:
-        self._values = _velocity(problem.robot).values
-        self._trajectory, self._limit = trajectory, limit
+    def __init__(self, trajectory: JointTrajectory, quantity: Quantity, limit: FloatArray) -> None:
+        self._trajectory, self._quantity, self._limit = trajectory, quantity, limit
 
     def at(self, time: FloatArray) -> FloatArray:
         """Return the margins in all segments."""
-        return 1 - self._speed(time)[:, None] / self._limit
+        return 1 - self._norm(time)[:, None] / self._limit
 
     def within(self, segment: IntArray, time: FloatArray) -> FloatArray:
         """Return the margins, each in its segment."""
-        margin: FloatArray = 1 - self._speed(time) / self._limit[segment]
+        margin: FloatArray = 1 - self._norm(time) / self._limit[segment]
         return margin
 
-    def _speed(self, time: FloatArray) -> FloatArray:
+    def _norm(self, time: FloatArray) -> FloatArray:
         trajectory = self._trajectory
-        velocity = self._values(trajectory.position(time), trajectory.velocity(time))
-        speed: FloatArray = np.linalg.norm(velocity, axis=1)
-        return speed
+        states = (trajectory.position, trajectory.velocity, trajectory.acceleration)
+        orders = states[: self._quantity.derivatives + 1]
+        norm: FloatArray = np.linalg.norm(
+            self._quantity.values(*(of(time) for of in orders)), axis=1
+        )
+        return norm
 
 
 def tool_speed_margin(
     problem: PlanningProblem, trajectory: JointTrajectory
-) -> ToolSpeedMargin | None:
+) -> ToolRateMargin | None:
     """Return the margin of the tool's speed; None where no segment limits the speed."""
-    limit = _limits(problem)
-    return ToolSpeedMargin(problem, trajectory, limit) if np.isfinite(limit).any() else None
+    limit = _limits(problem, "tool_speed")
+    quantity = _velocity(problem.robot)
+    return ToolRateMargin(trajectory, quantity, limit) if np.isfinite(limit).any() else None
 
 
-def _limits(problem: PlanningProblem) -> FloatArray:
-    """Return the limit in each segment, the robot's own included, shape (m,) [m/s]."""
-    own = np.full(problem.tube.segment_count, problem.robot.limits.tool_speed)
-    of_tube = problem.tube.tool_speed
+def tool_acceleration_margin(
+    problem: PlanningProblem, trajectory: JointTrajectory
+) -> ToolRateMargin | None:
+    """Return the margin of the tool's acceleration; None where no segment limits it."""
+    limit = _limits(problem, "tool_acceleration")
+    quantity = _acceleration(problem.robot)
+    return ToolRateMargin(trajectory, quantity, limit) if np.isfinite(limit).any() else None
+
+
+def _limits(problem: PlanningProblem, name: str) -> FloatArray:
+    """Return the limit in each segment, the robot's own included, shape (m,) [m/s or m/s^2]."""
+    own = np.full(problem.tube.segment_count, getattr(problem.robot.limits, name))
+    of_tube = getattr(problem.tube, name)
     return own if of_tube is None else np.minimum(own, of_tube)
 
 
@@ -314,6 +333,38 @@ def _velocity(robot: RobotModel) -> Quantity:
         return np.stack([rate] * 3, axis=2)
 
     return Quantity(1, values, majorant)
+
+
+def _acceleration(robot: RobotModel) -> Quantity:
+    """Return the acceleration of the tool centre point, c = 3 [m/s^2]; gravity is not counted.
+
+    Joint j, with the columns J_j of the Jacobian and the axis w_j of its turning, is carried by the
+    joints i before it: d J_j / d q_i = w_i x J_j, and by symmetry w_j x J_i for those behind.
+    """
+    carrier = robot.link_body[robot.tool_frame]
+    moved = np.flatnonzero(robot.carries[carrier])
+    joint, factor = robot.body_joints[moved + 1], robot.body_rules[0][moved + 1]
+    turns = robot.body_is_revolute[moved + 1][:, None]
+
+    def values(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        rotation, position = robot.body_poses(q)
+        tool = robot.tool_position(q)[:, None]
+        axis = np.einsum("nmij,mj->nmi", rotation[:, moved + 1], robot.chain.axes[moved])
+        spin = np.where(turns, axis, 0.0)
+        arm = tool - position[:, moved + 1]
+        column = np.where(turns, cross_product(axis, arm), axis)
+        rate, change = (factor * each[:, joint] for each in (v, a))
+        moving, turning = rate[..., None] * column, rate[..., None] * spin
+        carried = np.cumsum(turning, axis=1) - turning
+        bend = cross_product(2 * carried + turning, moving)
+        total: FloatArray = (change[..., None] * column + bend).sum(axis=1)
+        return total
+
+    def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
+        rate = derivative(tool_majorant(robot, joints).position, 2) / width**2
+        return np.stack([rate] * 3, axis=2)
+
+    return Quantity(2, values, majorant)
 
 
 def judge_point_speed(motion: JudgedMotion) -> JudgedCondition:

@@ -52,6 +52,7 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
         "motor_curve": effort_conditions.judge_motor_curve,
         "effort_rate": effort_conditions.judge_effort_rate,
         "tool_speed": tool_conditions.judge_tool_speed,
+        "tool_acceleration": tool_conditions.judge_tool_acceleration,
         "point_speed": tool_conditions.judge_point_speed,
         "holding": holding_conditions.judge_holding,
         "tube": tool_conditions.judge_tube,
@@ -72,9 +73,10 @@ CONDITION_NAMES = tuple(JUDGED)
 SEGMENT_MARGINS: tuple[MarginMaker, ...] = (
     clearance_conditions.clearance_margin,
     tool_conditions.tool_speed_margin,
+    tool_conditions.tool_acceleration_margin,
 )
 _OF_SEGMENTS = (
-    *("tool_speed", "tube", "joint_signs", "rotation", "points"),
+    *("tool_speed", "tool_acceleration", "tube", "joint_signs", "rotation", "points"),
     *("obstacles", "self_collision"),
 )
 
@@ -82,7 +84,10 @@ _TOLERANCE = Tolerance()
 
 # Limits that a slower run keeps if the trajectory does. Holding is judged at rest, too: wrenches at
 # lower speeds lie between those at rest and at speed.
-_SPEED_LIMITS = ("velocity", "acceleration", "jerk", "tool_speed", "point_speed", "holding")
+_SPEED_LIMITS = (
+    *("velocity", "acceleration", "jerk", "tool_speed", "tool_acceleration", "point_speed"),
+    "holding",
+)
 # Conditions that a bound on braking presupposes.
 _BRAKING_CONDITIONS = frozenset(
     ("velocity", "acceleration", "effort", "motor_curve", "rest", "continuity")

@@ -1,4 +1,4 @@
-"""Velocity, acceleration, jerk limits of joints; speed limits of the tool and of link points."""
+"""Velocity, acceleration, jerk limits of joints; limits of the tool and of points of links."""
 
 from collections.abc import Mapping, Sequence
 
@@ -180,82 +180,61 @@ def require_approachable(problem: PlanningProblem, start: FloatArray, goal: Floa
         raise limit.refused(problem.robot, goal, column).replaced(proved=proved)
 
 
-# ---- Limits on the speeds of points: of the tool centre point and of points on links.
-
-# A point's velocity at a speed of 1, (N, 3), and its derivatives by q and q', each (N, 3, n).
-PointRate = tuple[FloatArray, FloatArray, FloatArray]
+# ---- Limits on the speeds of points: of the tool centre point and of points on links; and on the
+# acceleration of the tool centre point.
 
 
-def speed_by_path(rate: PointRate, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives of multiples of a point's speed by q and q'; zero at rest.
+class PointRates(KeptWhenSlow):
+    """Base of a `SpeedLimit` on the norms of vectors of P points, as fractions of their limits.
 
-    Args:
-        rate: Of the point.
-        scale: Factor of its speed, shape (N,).
-
-    Returns:
-        Each of shape (N, n).
-    """
-    velocity, by_position, by_rate = rate
-    size = np.linalg.norm(velocity, axis=1, keepdims=True)
-    direction = velocity / np.maximum(size, np.finfo(float).tiny)
-    gradient = direction * scale[:, None]
-    first, second = (np.einsum("ni,nij->nj", gradient, by) for by in (by_position, by_rate))
-    return first, second
-
-
-class PointSpeeds(KeptWhenSlow):
-    """Base of a `SpeedLimit` on the speeds of P points, as fractions of their limits.
-
-    A subclass has `kind`, `keys`, `rates` and `allowed`.
+    The vectors are velocities (order 1) or accelerations (order 2). A subclass has `kind`, `keys`,
+    `order`, `vectors`, `derivatives` and `allowed`.
     """
 
-    order = 1
+    order: int
     signs = (1.0,)
 
-    def rates(self, at: PathSamples) -> Sequence[PointRate]:
-        """Return the velocity of every point with its derivatives."""
+    def vectors(self, at: PathSamples) -> FloatArray:
+        """Return the vectors of every point at a speed of 1, shape (P, N, 3)."""
+        raise NotImplementedError
+
+    def derivatives(self, at: PathSamples) -> Sequence[FloatArray]:
+        """Return the derivatives of `vectors` by q, q' and so on, shape (P, N, 3, n) each."""
         raise NotImplementedError
 
     def allowed(self, at: PathSamples) -> FloatArray:
-        """Return the largest speed of every point at every sample [m/s], shape (P, N)."""
+        """Return the limit of every point at every sample, shape (P, N)."""
         raise NotImplementedError
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the points' speeds as fractions of their limits."""
-        fractions = self.allowed(at) ** -1.0
-        for fraction, (velocity, *_) in zip(fractions, self.rates(at), strict=True):
-            fraction *= np.linalg.norm(velocity, axis=1)
-        return SpeedPolynomial({1: fractions.T})
+        """Return the vectors' norms as fractions of their limits."""
+        fractions = np.linalg.norm(self.vectors(at), axis=2) / self.allowed(at)
+        return SpeedPolynomial({self.order: fractions.T})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return the derivatives of the fractions by the path; zero where a point rests."""
-        scales = speed / self.allowed(at)
-        each = zip(self.rates(at), scales, strict=True)
-        by_point = [speed_by_path(rate, scale) for rate, scale in each]
-        return {order: np.stack(by, axis=1) for order, by in enumerate(zip(*by_point, strict=True))}
+        """Return the derivatives of the fractions by the path; zero where a vector is zero."""
+        vectors = self.vectors(at)
+        size = np.linalg.norm(vectors, axis=2, keepdims=True)
+        direction = vectors / np.maximum(size, np.finfo(float).tiny)
+        gradient = direction * (speed**self.order / self.allowed(at))[..., None]
+        blocks = enumerate(self.derivatives(at))
+        return {k: np.einsum("pni,pnij->npj", gradient, by) for k, by in blocks}
 
 
-class ToolSpeed(PointSpeeds):
-    """A `SpeedLimit` on a single quantity: the tool's speed as a fraction of its segment's limit.
+class _ToolLimit(PointRates):
+    """Base of a `SpeedLimit` on a single quantity, the tool's, with a key for each segment.
 
     Attributes:
-        limit: Of each segment, the robot's own included, shape (m,) [m/s]; inf where it is free.
+        limit: Of each segment, the robot's own included, shape (m,); inf where it is free.
     """
-
-    kind = "tool_speed"
 
     def __init__(self, problem: PlanningProblem) -> None:
         """Take the limits of a problem's robot and tube."""
-        robot, tube = problem.robot, problem.tube
-        free = np.full(tube.segment_count, robot.limits.tool_speed)
-        self.limit = free if tube.tool_speed is None else np.minimum(free, tube.tool_speed)
+        own, of_tube = (getattr(x, self.kind) for x in (problem.robot.limits, problem.tube))
+        free = np.full(problem.tube.segment_count, own)
+        self.limit = free if of_tube is None else np.minimum(free, of_tube)
         self._limited = np.flatnonzero(np.isfinite(self.limit))
         self.keys = tuple(LimitKey(self.kind, segment=k) for k in self._limited.tolist())
-
-    def rates(self, at: PathSamples) -> Sequence[PointRate]:
-        """Return the velocity of the tool with its derivatives."""
-        return [at.tool_rate]
 
     def allowed(self, at: PathSamples) -> FloatArray:
         """Return the limit of each sample's segment, shape (1, N)."""
@@ -267,7 +246,40 @@ class ToolSpeed(PointSpeeds):
         return np.minimum(columns, len(self._limited) - 1)[:, None]
 
 
-class PointSpeedLimit(PointSpeeds):
+class ToolSpeed(_ToolLimit):
+    """A `SpeedLimit` on the tool's speed as a fraction of its segment's limit [m/s]."""
+
+    kind = "tool_speed"
+    order = 1
+
+    def vectors(self, at: PathSamples) -> FloatArray:
+        """Return the velocity of the tool."""
+        return at.tool_rate[0][None]
+
+    def derivatives(self, at: PathSamples) -> Sequence[FloatArray]:
+        """Return the derivatives of the velocity."""
+        return [by[None] for by in at.tool_rate[1:]]
+
+
+class ToolAcceleration(_ToolLimit):
+    """A `SpeedLimit` on the tool's acceleration as a fraction of its segment's limit [m/s^2].
+
+    Gravity is not counted.
+    """
+
+    kind = "tool_acceleration"
+    order = 2
+
+    def vectors(self, at: PathSamples) -> FloatArray:
+        """Return the acceleration of the tool centre point, in its own axes."""
+        return at.tool_motion[None, :, :3]
+
+    def derivatives(self, at: PathSamples) -> Sequence[FloatArray]:
+        """Return the derivatives of the acceleration, in the tool's axes."""
+        return [by[None] for by in at.tool_motion_derivatives[:, :, :3]]
+
+
+class PointSpeedLimit(PointRates):
     """A `SpeedLimit` on the speeds of P points that move with links, as fractions of their limits.
 
     Attributes:
@@ -275,6 +287,7 @@ class PointSpeedLimit(PointSpeeds):
     """
 
     kind = "point_speed"
+    order = 1
 
     def __init__(self, points: Sequence[PointSpeed]) -> None:
         """Take the points of a robot, in its order."""
@@ -283,9 +296,13 @@ class PointSpeedLimit(PointSpeeds):
             LimitKey(self.kind, link=point.link, point=k) for k, point in enumerate(points)
         )
 
-    def rates(self, at: PathSamples) -> Sequence[PointRate]:
-        """Return the velocity of every point with its derivatives."""
-        return list(zip(*at.point_rates, strict=True))
+    def vectors(self, at: PathSamples) -> FloatArray:
+        """Return the velocity of every point."""
+        return at.point_rates[0]
+
+    def derivatives(self, at: PathSamples) -> Sequence[FloatArray]:
+        """Return the derivatives of the velocities."""
+        return at.point_rates[1:]
 
     def allowed(self, at: PathSamples) -> FloatArray:
         """Return the limit of every point at every sample, shape (P, N)."""

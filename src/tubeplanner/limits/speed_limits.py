@@ -21,6 +21,7 @@ from tubeplanner.limits.rates import (
     RATES,
     JointRate,
     PointSpeedLimit,
+    ToolAcceleration,
     ToolSpeed,
     VelocityByPositionLimit,
 )
@@ -44,6 +45,7 @@ def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
         *rates,
         VelocityByPositionLimit(limits),
         ToolSpeed(problem),
+        ToolAcceleration(problem),
         PointSpeedLimit(limits.point_speed),
         HoldingLimit(problem),
     )

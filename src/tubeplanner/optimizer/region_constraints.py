@@ -1,4 +1,4 @@
-"""Region constraints: segment, compulsory point, rotation tolerance, goal; velocities of points.
+"""Region constraints: segment, compulsory point, rotation tolerance, goal; points' rates.
 
 A region is convex: a vector p is inside if n.p <= max(n.A, n.B) + e(n) for every unit normal n, A
 and B being the ends of its axis and e its extent beyond. A linear program gets a few of these
@@ -26,7 +26,7 @@ from tubeplanner.geometry.tube.rotation import (
 )
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.path_samples import LimitKey, PathSamples
-from tubeplanner.limits.rates import PointSpeeds
+from tubeplanner.limits.rates import PointRates
 from tubeplanner.native.library import Doubles, Integers, native_function
 from tubeplanner.optimizer.phased_spline import SampledSpline
 from tubeplanner.optimizer.rows import (
@@ -41,7 +41,7 @@ from tubeplanner.optimizer.tube_phases import OrderedSegments
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- Vectors in regions, at samples of a spline: the tool's position, its rotation vector, or the
-# velocity of a point.
+# velocity or acceleration of a point.
 
 _plane_slack = native_function(
     *("plane_slack", c_int64, Integers, Doubles, Doubles, Doubles, Doubles, Integers, Integers),
@@ -96,8 +96,14 @@ class EvaluatedRegions:
     segments: OrderedSegments | None = None
     # whether a step may cross the whole region: then all planes count as near
     is_crossed: bool = False
-    # whether the vectors are velocities: their regions grow with the duration, and are not elastic
-    is_speed: bool = False
+    # the power of the duration with which the regions grow: 1 for velocities, 2 for accelerations;
+    # these are not elastic
+    growth: int = 0
+
+    @property
+    def is_speed(self) -> bool:
+        """True if the regions depend on the duration."""
+        return self.growth > 0
 
     @cached_property
     def excess(self) -> FloatArray:
@@ -134,7 +140,7 @@ class EvaluatedRegions:
 
     def room(self, step: Step) -> float:
         """Return the room that a step makes beyond the regions, in radii."""
-        return step.duration / 2 if self.is_speed else step.elastic
+        return self.growth * step.duration / 2 if self.growth else step.elastic
 
     def vector_in(self, duration: float, longer: float) -> FloatArray:
         """Return the vectors (N, 3) of a run in another duration: the same."""
@@ -194,7 +200,7 @@ class EvaluatedRegions:
             self.at.first[at],
             control[:, 0],
             switching[:, 0],
-            np.full(count, -0.5 * self.is_speed),
+            np.full(count, -0.5 * self.growth),
             self.slack(planes),
             self.numbers[segment, self.regions.kind(planes.normal, segment)],
             np.full(count, -1),
@@ -238,33 +244,41 @@ def evaluated_points(
     )
 
 
-# ---- Velocities of the tool and of points on links, in balls.
+# ---- Velocities of the tool and of points on links, and the tool's acceleration, in balls.
 #
-# Rows bound velocities along their present directions alone. Where a point hardly moves or turns,
+# Rows bound the vectors along their present directions alone. Where a point hardly moves or turns,
 # they say nothing: tangent planes of the balls join where a step makes it too fast.
 
 
 def evaluated_speeds(evaluated: EvaluatedSpeedLimit, duration: float) -> list[EvaluatedRegions]:
-    """Return the velocities dp/dx of every point of a limit, in balls of the limit times T [m]."""
-    if not isinstance(evaluated.limit, PointSpeeds):
+    """Return the derivatives by x of every point of a limit, in balls of the limit times T^k [m].
+
+    k is the order of the derivatives.
+    """
+    limit = evaluated.limit
+    if not isinstance(limit, PointRates):
         return []
     path, count = evaluated.path, len(evaluated.path)
     centre, own, margin = np.zeros((count, 3)), np.arange(count), np.zeros(count)
-    allowed = duration * evaluated.limit.allowed(path)
-    keys = np.broadcast_to(evaluated.limit.key_of(path), allowed.T.shape)
+    allowed = duration**limit.order * limit.allowed(path)
+    keys = np.broadcast_to(limit.key_of(path), allowed.T.shape)
+
+    def by_path(point: int) -> Mapping[int, FloatArray]:
+        return {k: by[point] for k, by in enumerate(limit.derivatives(path))}
+
     return [
         EvaluatedRegions(
             evaluated.at,
-            velocity,
-            partial(dict, enumerate(by_path)),
+            vector,
+            partial(by_path, point),
             Capsules(centre, centre, radius),
             own,
             margin,
             evaluated.numbers[key][:, None],
-            is_speed=True,
+            growth=limit.order,
         )
-        for (velocity, *by_path), radius, key in zip(
-            evaluated.limit.rates(path), allowed, keys.T, strict=True
+        for point, (vector, radius, key) in enumerate(
+            zip(limit.vectors(path), allowed, keys.T, strict=True)
         )
     ]
 

@@ -249,6 +249,7 @@ class JointLimits:
     jerk: FloatArray  # shape (n,) [rad/s^3 or m/s^3]
     effort_rate: FloatArray  # shape (n,) [N m/s or N/s]
     tool_speed: float = np.inf  # of the tool centre point [m/s]
+    tool_acceleration: float = np.inf  # likewise, gravity not counted [m/s^2]
     # one for each joint whose velocity limit depends on its position, in group order
     velocity_by_position: tuple[VelocityByPosition, ...] = ()
     point_speed: tuple[PointSpeed, ...] = ()  # limits on the speed of points of the arm
@@ -343,6 +344,7 @@ def resolve_limits(
         read_only(positions[:, 1] - margin),
         **scaled,
         tool_speed=float(uppermost((each.tool_speed for each in above), np.inf)),
+        tool_acceleration=float(uppermost((each.tool_acceleration for each in above), np.inf)),
         velocity_by_position=tuple(
             VelocityByPosition.of(
                 f"robot.limits.velocity_by_position.{name}", column, laws[name], positions[column]

@@ -229,6 +229,9 @@ class LimitOverrides(_JointValues):
         {}, "factors in (0, 1] on effort, velocity, acceleration", dict[str, Finite]
     )
     tool_speed: float | None = declared(None, "of the tool centre point [m/s]", Number | None)
+    tool_acceleration: float | None = declared(
+        None, "of the tool centre point, gravity not counted [m/s^2]", Number | None
+    )
     velocity_tolerance: float | None = declared(
         None, "fraction of a velocity limit beyond it at which the controller stops", Number | None
     )
@@ -244,11 +247,12 @@ class LimitOverrides(_JointValues):
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        speed = self.tool_speed
-        if speed is not None and not (is_number(speed) and speed >= _MIN):
-            raise RobotError(
-                f"robot.limits.tool_speed is {shown(speed)}; give a number from {_MIN:g} m/s"
-            )
+        for name, unit in (("tool_speed", "m/s"), ("tool_acceleration", "m/s^2")):
+            value = getattr(self, name)
+            if value is not None and not (is_number(value) and value >= _MIN):
+                raise RobotError(
+                    f"robot.limits.{name} is {shown(value)}; give a number from {_MIN:g} {unit}"
+                )
         tolerance = self.velocity_tolerance
         if tolerance is not None and not (is_number(tolerance) and 0 <= tolerance <= 1):
             raise RobotError(

@@ -415,6 +415,11 @@ class TubeFields(Section):
     tool_speed: Number | list[Number | None] | None = Field(
         None, description="one or m limits on the tool's speed, null where it is free [m/s]"
     )
+    tool_acceleration: Number | list[Number | None] | None = Field(
+        None,
+        description="one or m limits on the tool's acceleration, gravity not counted, null where "
+        "it is free [m/s^2]",
+    )
     visit: Literal["ordered", "any"] = Field(
         "ordered", description="segments one after the other, or the union of their capsules"
     )

@@ -224,7 +224,7 @@ def points_of(fields: TubeFields, directory: Path) -> dict[str, Any]:
 
 
 # Fields that a tube may have beside a route.
-_BESIDE_ROUTE = ("route", "joint_signs", "tool_speed")
+_BESIDE_ROUTE = ("route", "joint_signs", "tool_speed", "tool_acceleration")
 
 
 def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:

@@ -70,6 +70,7 @@ class Tube:
             them: "all", "corners" (where the tube turns back by more than 150 degrees) or "none".
         numbers: The points' numbers in messages, shape (m+1,): 0 to m, unless points were left out.
         tool_speed: Limits on the tool's speed, shape (m,) [m/s], inf where free; None: free.
+        tool_acceleration: Limits on the tool's acceleration, likewise [m/s^2].
         clearance: Of links from obstacles, (m,) [m], inf for the problem's; None: the problem's.
         route: Configurations (P, n) from start to goal [rad or m]: a first guess of the motion, not
             a condition; None: none.
@@ -91,6 +92,7 @@ class Tube:
     pass_through_points: Literal["all", "corners", "none"]
     numbers: IntArray
     tool_speed: FloatArray | None = None
+    tool_acceleration: FloatArray | None = None
     cross_section: FloatArray | None = None
     clearance: FloatArray | None = None
     route: FloatArray | None = None
@@ -112,6 +114,7 @@ class Tube:
         pass_through_points: Literal["all", "corners", "none"] = "corners",
         numbers: Sequence[int] | IntArray | None = None,
         tool_speed: float | Sequence[float | None] | FloatArray | None = None,
+        tool_acceleration: float | Sequence[float | None] | FloatArray | None = None,
         cross_section: Mapping[str, Any] | Sequence[Any] | FloatArray | None = None,
         clearance: float | Sequence[float | None] | FloatArray | None = None,
         route: Sequence[Sequence[float]] | FloatArray | None = None,
@@ -134,6 +137,7 @@ class Tube:
             pass_through_points: "all", "corners" or "none".
             numbers: The points' numbers in messages, m+1 ascending numbers; default: 0 to m.
             tool_speed: A limit for all segments, or m of them, None where it is free [m/s].
+            tool_acceleration: Likewise, gravity not counted [m/s^2].
             cross_section: {"box": [width, height], "up": [x, y, z]} for all segments, or m of them,
                 None for a disc [m].
             clearance: A clearance for all segments, or m of them, None for the problem's [m].
@@ -158,7 +162,11 @@ class Tube:
                 f"radius, {radii.min():g} m, by at least {MIN_LENGTH:g} m"
             )
         labels = np.arange(segments + 1) if numbers is None else _numbers(numbers, segments)
-        numbers_of = {"tool_speed": tool_speed, "clearance": clearance}
+        numbers_of = {
+            "tool_speed": tool_speed,
+            "tool_acceleration": tool_acceleration,
+            "clearance": clearance,
+        }
         vars(self).update(
             points=corners,
             radius=radii,

@@ -126,8 +126,9 @@ def limit_parts(robot: RobotModel) -> list[object]:
 def _optional_limits(limits: JointLimits) -> list[object]:
     """Return the limits that few robots have, each after its name."""
     parts: list[object] = []
-    if np.isfinite(limits.tool_speed):
-        parts += ["tool_speed", limits.tool_speed]
+    for name in ("tool_speed", "tool_acceleration"):
+        if np.isfinite(getattr(limits, name)):
+            parts += [name, getattr(limits, name)]
     for name in LIMITS:
         if QUANTITIES[name].in_urdf == "never" and np.isfinite(getattr(limits, name)).any():
             parts += [name, getattr(limits, name)]
