@@ -30,6 +30,7 @@ LINE_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9",
 SEGMENT_COLORS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7")
 OBSTACLE_COLOR = "#777777"
 CARRIED_COLOR = "#B58863"
+HOLDING_COLOR = "#7A4FA3"
 ARM_COLOR, GRIPPER_COLOR = "#AEB8C2", "#6D7C8C"
 SWEPT_COLOR = "#7A6FAF"
 REFERENCE_COLOR = "#444444"
@@ -45,7 +46,7 @@ BINDING_STYLES = {
     "jerk": BindingStyle("#CC79A7", "xxxx", "black"),
     "tool_speed": BindingStyle("#003F66", "oooo", "white"),
     "point_speed": BindingStyle("#8FC7EE", "oooo", "black"),
-    "holding": BindingStyle("#7A4FA3", "xxxx", "white"),
+    "holding": BindingStyle(HOLDING_COLOR, "----", "white"),
     "position": BindingStyle("#F0E442", "||||", "black"),
     "tube": BindingStyle("#555555", "", "white"),
     "rotation": BindingStyle("#999999", "....", "black"),

@@ -1,4 +1,4 @@
-"""Visual meshes of links, or their collision geometry; hulls of links and carried solids.
+"""Visual meshes of links, or their collision geometry; hulls of links, carried solids and parts.
 
 trimesh reads meshes; it is imported when first needed.
 """
@@ -14,14 +14,22 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.errors import RobotError, shown
-from tubeplanner.geometry.convex_shapes import simple_shape
+from tubeplanner.geometry.convex_shapes import ConvexShape, box, inscribed_cylinder, simple_shape
 from tubeplanner.geometry.link_geometry import MESH, element_of, link_shapes
 from tubeplanner.geometry.meshes import files_beside, length_unit
 from tubeplanner.geometry.solids import AttachedSolid
-from tubeplanner.output.drawing import Surface, coarse_hull_points, joined, shape_surface
+from tubeplanner.output.drawing import (
+    Surface,
+    coarse_hull_points,
+    joined,
+    shape_points,
+    shape_surface,
+)
 from tubeplanner.resources import find_mesh
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.urdf_elements import read_numbers
+from tubeplanner.task.holding import Cup, Gripper, Holding, Liquid
+from tubeplanner.task.problem import PlanningProblem
 
 if TYPE_CHECKING:
     import trimesh
@@ -245,3 +253,49 @@ def carried_surfaces(
         (body, solid.name, joined(shape_surface(s) for s in solid.shapes).moved(placement))
         for solid in attached
     ]
+
+
+# ---- Held parts: simple shapes, where no attached solid is.
+
+_NEAR, _MIN_HEIGHT = 1e-3, 5e-3  # [m]
+_SURFACE_RADIUS = 0.03  # of a liquid [m]: its vessel is not known
+
+
+def solids_at_tool(problem: PlanningProblem) -> list[AttachedSolid]:
+    """Return the attached solids, and a simple shape of each held part that is in none of them."""
+    corners = [shape_points(shape) for each in problem.attached for shape in each.shapes]
+    parts = []
+    for holding in problem.holding:
+        com = np.array(holding.mass_properties.com)
+        inside = [
+            (com > points.min(axis=0) - _NEAR) & (com < points.max(axis=0) + _NEAR)
+            for points in corners
+        ]
+        if not any(each.all() for each in inside):
+            parts.append(AttachedSolid(f"part ({holding.kind})", (_part_shape(holding),)))
+    return [*problem.attached, *parts]
+
+
+def _part_shape(holding: Holding) -> ConvexShape:
+    """Return a shape of a held part in the tool frame, from what its contact tells of its size.
+
+    On a foot or under a cup twice as high as its centre of mass; between pads a block about both.
+    """
+    contact, placement, middle = holding.contact, np.eye(4), np.eye(4)
+    placement[:3, :3], placement[:3, 3] = holding.axes, contact.position
+    away = (np.array(holding.mass_properties.com) - contact.position) @ holding.axes
+    height = max(2 * float(away[2]), _MIN_HEIGHT)
+    middle[2, 3] = height / 2
+    if isinstance(contact, Gripper):
+        width, length = contact.pad
+        middle[:3, 3] = away / 2
+        shape = box(np.array([width, length, min(width, length)]) + abs(away))
+    elif isinstance(contact, Cup):
+        shape = box((4 * contact.radius, 4 * contact.radius, height))
+    elif isinstance(contact, Liquid):
+        shape = inscribed_cylinder(_SURFACE_RADIUS, height)
+    elif isinstance(contact.foot, (int, float)):
+        shape = inscribed_cylinder(contact.foot, height)
+    else:
+        shape = box((*contact.foot, height))
+    return shape.transformed(placement @ middle)

@@ -30,6 +30,7 @@ from tubeplanner.output.figures.panels import (
     time_panels,
 )
 from tubeplanner.output.figures.space_panel import SpaceContent, draw_space
+from tubeplanner.output.link_visuals import solids_at_tool
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.motion import CycleMotion, Motion, ProblemMotion
@@ -133,7 +134,7 @@ def _space_content(motion: Motion, runs: Sequence[TrajectoryCurves]) -> SpaceCon
     path = np.vstack([run.tool for run in runs])
     if not isinstance(motion, CycleMotion):
         ends, tubes = runs[0].samples.position[[0, -1]], [(problems[0].tube, None)]
-        carried = [problems[0].attached] * 2
+        carried = [solids_at_tool(problems[0])] * 2
         return SpaceContent(task.robot, ends, carried, 1, path, tubes, task.obstacles)
     moves = [move for leg in motion.cycle.legs for move in leg.moves]
     of_moves = [(move.tube, segment_color(k)) for k, move in enumerate(moves)]
@@ -141,7 +142,7 @@ def _space_content(motion: Motion, runs: Sequence[TrajectoryCurves]) -> SpaceCon
     junctions = np.array(motion.junctions)
     drawn = _far_apart(task.robot, junctions)
     # At a junction the arm has the parts of the next leg; at the end, those of the last.
-    carried = [problems[min(k, len(problems) - 1)].attached for k in drawn]
+    carried = [solids_at_tool(problems[min(k, len(problems) - 1)]) for k in drawn]
     content = task.robot, junctions[drawn], carried, 0, path, of_moves
     return SpaceContent(*content, task.obstacles, handed_over)
 

@@ -21,7 +21,9 @@ from tubeplanner.output.link_visuals import (
     arm_hulls,
     carried_surfaces,
     link_parts,
+    solids_at_tool,
 )
+from tubeplanner.output.page.apparent_gravity import apparent_gravity
 from tubeplanner.output.page.scene import (
     Item,
     Layer,
@@ -81,7 +83,8 @@ def build_scene(
     arms = [with_bodies(*each) for each in zip(arms, parts, strict=True)]
     sections = tuple(limited_sections(motion) for motion in motions.values())
     links, notes_of_links = link_parts(robot, MAX_FACES // len(arms))
-    carried = carried_surfaces(robot, task.attached)
+    at_tool = task.attached if isinstance(task, Cycle) else solids_at_tool(task)
+    carried = carried_surfaces(robot, at_tool)
     hulls = arm_hulls(links, carried)
     cell = _cycle_cell(task) if isinstance(task, Cycle) else _problem_cell(task)
     steps = min(_SWEEP_STEPS * len(cell.tubes), _MAX_SWEEP_STEPS)
@@ -109,6 +112,8 @@ def build_scene(
         ]
         own = sections[i] if sections else ()
         arms[i], orientation = tool_orientation(i, robot, cell.tubes, own, each, thickness)
+        arms[i], gravity = apparent_gravity(i, robot, own, arms[i], thickness)
+        orientation += gravity
         in_hand = () if each.name in empty_handed else carried
         items += solid_items(i, links, [*in_hand, *bodies])
         items += [*cell.items(i, thickness), *obstacle_items(i, cell.obstacles)]

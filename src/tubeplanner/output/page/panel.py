@@ -25,11 +25,13 @@ from tubeplanner.limits.binding_limits import (
     binding_rows,
     closest_pairs,
 )
+from tubeplanner.limits.holding_limit import HoldingUse, holding_at
 from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.limits.peaks import trajectory_peaks
 from tubeplanner.limits.rates import ToolSpeed
 from tubeplanner.output import drawing
 from tubeplanner.output.curves import LimitedSection, cycle_timeline, segments_per_group, size_of
+from tubeplanner.output.link_visuals import solids_at_tool
 from tubeplanner.output.page.motion_scene import POINTER
 from tubeplanner.output.page.scene import Layer, Scene, ShownTrajectory, handed_over
 from tubeplanner.robot.model import RobotModel
@@ -48,6 +50,7 @@ _HIDDEN = (Layer.AXES, Layer.SWEPT)  # when the page opens
 _USUAL_ENTRIES = {
     Layer.AXES: [{"color": color, "text": ""} for color in drawing.AXIS_COLORS],
     Layer.ROTATION: [{"color": drawing.CONE_COLOR, "text": ""}],
+    Layer.HOLDING: [{"color": drawing.HOLDING_COLOR, "text": ""}],
     Layer.CARRIED: [{"color": drawing.CARRIED_COLOR, "text": ""}],
     Layer.OBSTACLES: [{"color": drawing.OBSTACLE_COLOR, "text": ""}],
     Layer.SWEPT: [{"color": drawing.SWEPT_COLOR, "text": ""}],
@@ -63,8 +66,9 @@ def panel_data(scene: Scene) -> dict[str, Any]:
     """Return the panel of a page and the frame of its scene, as JSON values."""
     task, moved = scene.task, handed_over(scene.task)
     standing = [each.name for each in task.obstacles if each.name not in moved]
+    at_tool = task.attached if isinstance(task, Cycle) else solids_at_tool(task)
     words = {
-        Layer.CARRIED: _listed("Carried", [*(each.name for each in task.attached), *moved]),
+        Layer.CARRIED: _listed("Carried", [*(each.name for each in at_tool), *moved]),
         Layer.OBSTACLES: _listed("Obstacles", standing),
     }
     about = f"{task.robot.name}, {task.robot.joint_count} joints"
@@ -185,6 +189,7 @@ def _layer_data(
         Layer.SWEPT: "Space the links sweep (hulls)",
         Layer.AXES: "Axes of the tool: x, y, z",
         Layer.ROTATION: f"Rotation tolerance: the tool's {axes} axis stays in the cone",
+        Layer.HOLDING: "Apparent gravity of held parts: the tip stays in the cone",
         Layer.EXECUTED: runs,
         Layer.BLOCKED: "Where it is blocked; what blocks has this colour",
     }
@@ -265,6 +270,7 @@ def page_curves(sections: Sequence[LimitedSection], time: FloatArray) -> dict[st
         "speedLimit": _rounded(limit, 4) if np.isfinite(limit).any() else [],
         "limits": _limits(sections, time),
         "clearance": _clearances(sections, time),
+        "holding": _holding(sections, time),
     }
     return {name: curve for name, curve in curves.items() if curve}
 
@@ -322,6 +328,29 @@ def _largest_near(section: LimitedSection, fraction: FloatArray, time: FloatArra
     rows = np.clip(np.round((own - time[0]) / step), 0, len(time) - 1).astype(int)
     np.maximum.at(result, rows, fraction)
     return result
+
+
+def _holding(sections: Sequence[LimitedSection], time: FloatArray) -> list[dict[str, Any]]:
+    """Return the used share of what each contact carries, at speed with what happens, at rest."""
+    contacts: dict[str, tuple[HoldingUse, FloatArray, IntArray]] = {}
+    for section in sections:
+        rows = section.inside(time)
+        local = np.minimum(time[rows] - section.begin, section.trajectory.duration)
+        for use in holding_at(section, local) if len(rows) else ():
+            shares, cones = np.full((2, len(time)), np.nan), np.zeros(len(time), dtype=int)
+            _, shares, cones = contacts.setdefault(repr(use.holding), (use, shares, cones))
+            shares[:, rows], cones[rows] = [use.share, use.share_at_rest], use.cone
+    return [
+        {
+            "name": use.holding.kind,
+            "color": drawing.LINE_COLORS[k % len(drawing.LINE_COLORS)],
+            "share": _rounded(100 * shares[0], 0),
+            "atRest": _rounded(100 * shares[1], 0),
+            "happens": cones.tolist(),
+            "words": [cone.name for cone in use.holding.cones],
+        }
+        for k, (use, shares, cones) in enumerate(contacts.values())
+    ]
 
 
 def _clearances(sections: Sequence[LimitedSection], time: FloatArray) -> list[dict[str, Any]]:

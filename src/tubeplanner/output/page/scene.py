@@ -79,6 +79,7 @@ class Layer(StrEnum):
     TOOL = "tool"
     AXES = "axes"
     ROTATION = "rotation"
+    HOLDING = "holding"
     EXECUTED = "executed"
     OBSTACLES = "obstacles"
     SWEPT = "swept"

@@ -82,6 +82,7 @@ _RENDER_ORDER = {
     Layer.EXECUTED: 5,
     Layer.CARRIED: 6,
     Layer.ROTATION: 7,
+    Layer.HOLDING: 8,
     Layer.SWEPT: 9,
     Layer.BLOCKED: 10,
 }
@@ -302,7 +303,10 @@ class _Recorder:
         self._identifiers: dict[str, str] = {}
 
     def send(self, command: Any) -> None:
-        self.commands.append(self._numbered(command.lower()))
+        lowered = command.lower()
+        if "property" in lowered:  # meshcat writes names in small letters, which three.js ignores
+            lowered["property"] = command.key
+        self.commands.append(self._numbered(lowered))
 
     def _numbered(self, value: Any, key: str | None = None) -> Any:
         if isinstance(value, dict):
@@ -395,6 +399,7 @@ def _add_item(root: Any, item: Item) -> None:
         side=_BOTH_SIDES if solid else _FRONT_SIDE,
         flatShading=not item.is_smooth,
         depthWrite=solid,
+        depthTest=item.layer is not Layer.HOLDING,  # seen through hand and part
         transparent=item.layer in _RENDER_ORDER,
     )
     node.set_object(shape, material)
@@ -421,7 +426,12 @@ def _animate(root: Any, scene: Scene) -> None:
             root[path].set_property("visible", bool(present[0]))
         for step, time in enumerate(trajectory.time):
             frame = animation.at_frame(root, float(time))[path]
-            frame.set_transform(trajectory.placement(step, body))
+            placement = trajectory.placement(step, body)
+            stretch = np.linalg.norm(placement[:3, :3], axis=0)
+            if layer is Layer.HOLDING:
+                placement[:3, :3] /= stretch
+                frame.set_property("scale", "vector3", stretch.tolist())
+            frame.set_transform(placement)
             if present is not None:
                 frame.set_property("visible", "boolean", bool(present[step]))
     if scene.duration > 0:

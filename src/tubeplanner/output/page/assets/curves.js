@@ -38,8 +38,23 @@ function clearancePlot() {
   return {lines, unit: "mm", digits: 0};
 }
 
-const PLOTS = {speed: speedPlot, limits: limitsPlot, clearance: clearancePlot};
-const TAB_WORDS = {speed: "Tool speed", limits: "Limits", clearance: "Clearance"};
+function holdingPlot() {
+  const lines = (data.trajectories[chosen].holding || []).flatMap((contact) => {
+    const {name, color, share, atRest, happens, words} = contact;
+    const common = {color, lasts: ends(chosen), unit: "%", digits: 0};
+    return [
+      {...common, name, values: share, wide: true,
+       why: (t) => `of what it carries (${words[nearest(happens, t, ends(chosen))]})`},
+      {...common, name: `${name} at rest`, values: atRest, dashed: true},
+    ];
+  });
+  return {lines, unit: "%", digits: 0, bound: 100, least: 115, most: MOST, binding: true};
+}
+
+const PLOTS = {
+  speed: speedPlot, limits: limitsPlot, holding: holdingPlot, clearance: clearancePlot};
+const TAB_WORDS = {
+  speed: "Tool speed", limits: "Limits", holding: "Holding", clearance: "Clearance"};
 
 function roundSteps(top) {  // of an axis: two to five of them
   const power = 10 ** Math.floor(Math.log10(top));
