@@ -26,6 +26,8 @@ from tubeplanner.planning.surviving_plans import (
     surviving_plan,
 )
 from tubeplanner.planning.tightening import Tightening
+from tubeplanner.robot.pinocchio_model import Payload
+from tubeplanner.task.holding import Cup, Holding
 
 # What plans with some of the limits kept back are said to lack, and to take without lacking it.
 
@@ -144,6 +146,18 @@ def test_rotation_has_a_price_of_its_own(problem, seen):
     assert tried.target.rotation == pytest.approx([0.0, 0.1, 0.09])
     assert tried.expected == pytest.approx(2.03)
     assert tried.deficit == pytest.approx(2.1)
+
+
+def test_what_a_contact_lacks_has_the_price_of_its_force(problem, seen):
+    """Of 2 s * 0.3, 5 % are 30 ms; what is kept back already counts as well."""
+    cup = Cup(force=40.0, radius=0.02, friction=0.5, safety=1.0)
+    held = replace(problem, holding=[Holding(cup, Payload(0.1))])
+    seen(holding=0.05)
+    price = replace(price_of("holding", None, -0.3), field="holding.cup.force")
+    friction = replace(price_of("holding", None, -9.0), field="holding.cup.friction")
+    tried = tried_of(held, price, friction, holding=0.02)
+    assert tried.target.holding == pytest.approx(0.07)
+    assert tried.expected == pytest.approx(2.03)
 
 
 def test_what_there_is_no_room_for_is_lacking_in_shares_of_the_tolerance(problem, seen):

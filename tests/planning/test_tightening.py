@@ -16,6 +16,8 @@ from tubeplanner.planning.tightening import (
     allowed_tightening,
     tightened_problem,
 )
+from tubeplanner.robot.pinocchio_model import Payload
+from tubeplanner.task.holding import Cup, Holding
 
 LINE = "two_link/paper_1_30mm"
 MIDDLE = np.array([[0.9, -1.4]])
@@ -88,6 +90,20 @@ def test_every_part_makes_its_own_limit_smaller_and_geometry_is_shared(tray):
     same = tightened_problem(problem, Tightening.nothing(problem))
     assert same.tube.radius.tolist() == problem.tube.radius.tolist()
     assert (same.robot.limits.effort == whole.effort).all() and same.clearance == problem.clearance
+
+
+def test_a_contact_keeps_back_what_it_does_not_need_at_rest(tray):
+    problem, ends = tray
+    cup = Cup(force=30.0, radius=0.02, friction=0.5, safety=1.0)
+    held = replace(problem, holding=[Holding(cup, Payload(1.0))])
+    at_rest = 1 - 9.81 / 30.0  # upright: the share that the weight leaves of the force
+    assert allowed(held, ends, holding=0.3).holding == 0.3
+    assert allowed(held, ends, holding=0.9).holding == pytest.approx(at_rest, abs=0.05)
+    less = tightened_problem(held, asked(held, holding=0.3))
+    weaker = Holding(replace(cup, force=0.7 * cup.force), Payload(1.0))
+    for own, other in zip(less.holding[0].cones, weaker.cones, strict=True):
+        assert own.offset == pytest.approx(other.offset)
+    assert allowed(problem, ends, holding=0.1).holding == 0.1  # nothing is held: no matter
 
 
 def test_torque_speed_lines_and_ranges_of_effort_are_left_in_part():

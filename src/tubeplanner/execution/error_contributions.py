@@ -56,6 +56,7 @@ class Shortfall:
     velocity: FloatArray  # by the velocity of each joint, shape (n,)
     tracking: FloatArray  # by the distance of each joint from the plan, shape (n,)
     tool_tracking: float  # by the distance of the tool from the plan
+    holding: float = _NOTHING  # of the cones of held parts, as a share of the nominal
 
     def most(self, kind: str) -> float:
         """Return the largest shortfall of a kind, such as "radius" [m or rad]."""
@@ -114,9 +115,9 @@ def _with_points(
 
 _KINDS = (
     *("radius", "rotation", "clearance", "position", "self_collision"),
-    *("velocity", "tracking", "tool_tracking"),
+    *("velocity", "tracking", "tool_tracking", "holding"),
 )
-_RELATIVE = _KINDS[-3:]
+_RELATIVE = _KINDS[-4:]
 _UNITS = {"rotation": "rad", "position": "rad or m"} | dict.fromkeys(_RELATIVE, "")
 _DRAW = Draw(16, seed=0)
 _MUCH_TRAVEL = 0.1  # [rad or m], of a joint beyond its position limits

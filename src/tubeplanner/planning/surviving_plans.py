@@ -31,7 +31,9 @@ _ENLARGED = 1.3
 # Fraction of a velocity limit beyond the shortfall: of few arms the fastest is not among them.
 _RESERVE = 0.01
 # The parts of a tightening, beside velocity, that a shortfall changes.
-_SIZES = ("radius", "rotation", "clearance", "position")
+_SIZES = ("radius", "rotation", "clearance", "position", "holding")
+# The numbers of contacts whose relative rise gives about as much as that share of the nominal.
+_NOMINAL = ("cup.force", "gripper.force", "tray.friction", "tray.foot", "liquid.tilt")
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +140,8 @@ class TightenedPlans:
         # Friction, and with it the distance from the plan, grows with the velocity.
         excess = np.maximum(shortfall.velocity + _RESERVE, shortfall.tracking)
         sizes["velocity"] = np.minimum(tightening.velocity / (1 + excess), 1.0)
-        requested = replace(tightening, **(sizes | {"clearance": float(sizes["clearance"])}))
+        numbers = {part: float(sizes[part]) for part in ("clearance", "holding")}
+        requested = replace(tightening, **(sizes | numbers))
         target = self.allowed(requested)
         more = _added_duration(
             tightened_problem(self.problem, tightening), result, tightening, target
@@ -150,6 +153,7 @@ class TightenedPlans:
             "rotation": 1.0 if rotation is None else rotation.bounds.min(axis=1),
             "clearance": tube.effective_radius.min(),
             "position": 1.0,
+            "holding": 1.0,
         }
         fractions = [
             (getattr(requested, part) - getattr(target, part)) / whole[part] for part in _SIZES
@@ -192,6 +196,8 @@ def _added_duration(
     for sensitivity in result.sensitivities:
         if sensitivity.limit == "velocity" and sensitivity.joint in names:
             added -= sensitivity.elasticity * slower[names.index(sensitivity.joint)]
+        if sensitivity.field is not None and sensitivity.field.endswith(_NOMINAL):
+            added -= sensitivity.elasticity * (target.holding - tightening.holding)
         if sensitivity.limit not in sizes or sensitivity.segment is None:
             continue
         k = tube.segment_index(sensitivity.segment)
@@ -350,6 +356,7 @@ def _next(plans: TightenedPlans, tried: Candidate, given_back: float = _GIVEN_BA
         rotation=between(now.rotation, target.rotation),
         position=between(now.position, target.position),
         clearance=float(between(np.array(now.clearance), np.array(target.clearance))),
+        holding=float(between(np.array(now.holding), np.array(target.holding))),
         velocity=1 - between(1 - now.velocity, 1 - target.velocity),
     )
     return plans.allowed(following)

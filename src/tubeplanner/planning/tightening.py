@@ -12,6 +12,7 @@ from tubeplanner.execution.error_contributions import ErrorContribution
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.geometry.tube.tube import Tube, narrowed_tube
 from tubeplanner.task.demands import Robustness
+from tubeplanner.task.holding import rest_margins
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances, in_contact
 from tubeplanner.text import short_repr
@@ -22,7 +23,7 @@ from tubeplanner.text import short_repr
 _MAX_FRACTION = 0.9
 _MIN_VELOCITY = 0.3  # of a velocity limit
 _ROUNDING = 1e-6  # [m or rad]: margin of start and goal inside the tightened limits
-PARTS = ("effort", "velocity", "radius", "rotation", "clearance", "position")
+PARTS = ("effort", "velocity", "radius", "rotation", "clearance", "position", "holding")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,7 @@ class Tightening:
         rotation: Taken off the rotation tolerances, shape (m,) [rad].
         clearance: Added to the clearance [m].
         position: Taken off the lower and the upper position limits, shape (2, n) [rad or m].
+        holding: Taken off the cones of held parts, as a share of the nominal.
     """
 
     effort: float
@@ -44,6 +46,7 @@ class Tightening:
     rotation: FloatArray
     clearance: float
     position: FloatArray
+    holding: float = 0.0
 
     __repr__ = short_repr
 
@@ -116,6 +119,7 @@ def allowed_tightening(
     ]
     spare_distance = float((np.array(distances) - least)[:, counts].min(initial=np.inf))
     distance = spare_distance - _ROUNDING
+    at_rest = rest_margins(problem.robot, problem.holding, ends).min(initial=np.inf) - _ROUNDING
     return replace(
         requested,
         radius=radius.clip(min=0),
@@ -123,6 +127,7 @@ def allowed_tightening(
         velocity=np.clip(requested.velocity, _MIN_VELOCITY, 1.0),
         position=np.minimum(requested.position, slack - _ROUNDING).clip(min=0),
         clearance=max(min(requested.clearance, distance), 0.0),
+        holding=max(min(requested.holding, float(at_rest)), 0.0),
     )
 
 
@@ -146,6 +151,9 @@ def tightened_problem(problem: PlanningProblem, tightening: Tightening) -> Plann
     return replace(
         farther,
         robot=problem.robot.with_limits(limits, motors),
+        holding=[
+            replace(each, backoff=each.backoff + tightening.holding) for each in problem.holding
+        ],
         tube=narrowed_tube(farther.tube, tightening.radius, tightening.rotation),
     )
 
@@ -209,6 +217,8 @@ class Survival:
                 words = f"{least}{100 * float(np.min(value)):.3g} % of the {part} limits"
             elif part == "clearance":
                 words = f"{most} more clearance"
+            elif part == "holding":
+                words = f"{100 * value:.3g} % of what contacts carry is kept back"
             else:
                 words = f"up to {most} less {part.replace('position', 'joint range')}"
             parts.append(f"{words} ({1000 * cost:.1f} ms)")

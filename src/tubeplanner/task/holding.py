@@ -325,10 +325,12 @@ class Holding:
     Attributes:
         contact: Cup, tray, gripper or liquid.
         part: Mass properties in tool_frame; None: of a liquid alone.
+        backoff: Share of the nominal that every cone keeps back.
     """
 
     contact: ContactKind
     part: Payload | None = None
+    backoff: float = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.contact, CONTACT_KINDS):
@@ -401,7 +403,10 @@ class Holding:
     def cones(self) -> tuple[Cone, ...]:
         """The cones of wrenches in the contact's axes."""
         part = self.mass_properties
-        return tuple(self.contact.cones(part.mass, self._com, any(part.inertia)))
+        cones = self.contact.cones(part.mass, self._com, any(part.inertia))
+        return tuple(
+            replace(cone, offset=cone.offset - self.backoff * cone.nominal) for cone in cones
+        )
 
     @property
     def _com(self) -> FloatArray:
