@@ -9,12 +9,13 @@ from cases import begun, with_motors
 from scipy.spatial.transform import Rotation
 
 from tubeplanner import LimitOverrides, PlanningProblem, PointSpeed, Seed, Tube, load_robot
+from tubeplanner.limits.holding_limit import HoldingLimit
 from tubeplanner.limits.path_samples import LimitKey
 from tubeplanner.optimizer.descent import Descent, DescentState, SequentialProgram
 from tubeplanner.optimizer.stages import Refinement, limit_sensitivities
 from tubeplanner.optimizer.step_search import TrustRegion
 from tubeplanner.robot.pinocchio_model import Payload
-from tubeplanner.task.holding import Cup, Holding
+from tubeplanner.task.holding import Cup, Holding, Liquid
 
 NAMES = ("joint1", "joint2")
 # Both joints come so near to these ends that they count.
@@ -191,6 +192,13 @@ def test_a_contact_has_prices_per_newton_and_per_kilogram():
     assert (str(force), force.unit) == ("holding.cup.force: -60 ms", "N")
     assert force.saved_per_unit == pytest.approx(-0.3 * 2.0 / CUP.force)
     assert (mass.field, mass.unit, mass.saved_per_unit) == ("holding.part.mass", "kg", -1.2)
+
+
+def test_a_number_at_its_largest_accepted_value_has_a_price():
+    limit = HoldingLimit(replace(problem_with(), holding=[Holding(Liquid(tilt=1.5))]))
+    (key,) = limit.keys
+    raised = limit.raised(key, 1e-3)
+    assert key.parameter == "tilt" and raised.keys == limit.keys
 
 
 def test_only_refinement_has_sensitivities_and_the_dearest_come_first(planned):

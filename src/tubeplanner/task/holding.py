@@ -24,6 +24,7 @@ have 2 c1 c2 / (c1 + c2) >= 3/4 of its smaller radius, and |(g, h / that)| <= mu
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -387,17 +388,11 @@ class Holding:
 
     def raised(self, name: str, fraction: float) -> "Holding":
         """Return the holding with a priced number larger by a fraction; inertia grows with mass."""
-
-        def larger(value: float | tuple[float, ...]) -> Any:
-            raised = (1 + fraction) * np.array(value)
-            return tuple(raised.tolist()) if raised.ndim else float(raised)
-
-        part, contact = self.mass_properties, self.contact
-        if name == "mass":
-            part = replace(part, mass=larger(part.mass), inertia=larger(part.inertia))
-        else:
-            contact = replace(contact, **{name: larger(getattr(contact, name))})
-        return replace(self, contact=contact, part=part)
+        owner: Any = copy(self.mass_properties if name == "mass" else self.contact)
+        for each in ("mass", "inertia") if name == "mass" else (name,):
+            value = (1 + fraction) * np.array(getattr(owner, each))
+            object.__setattr__(owner, each, value.tolist())  # beyond accepted values, too
+        return replace(self, **{"part" if name == "mass" else "contact": owner})
 
     @cached_property
     def cones(self) -> tuple[Cone, ...]:
