@@ -11,7 +11,7 @@ _KINDS = {
     "boolean": "true or false",
     "null": "null",
 }
-_UNIT = re.compile(r"\[((?:(?:kg|rad|N|m|s)(?:\^\d)?[ ,/]*)+)\]")
+_UNIT = re.compile(r"\[((?:(?:kg|rad|Pa|N|m|s)(?:\^\d)?[ ,/]*)+)\]")
 _PROBLEM_PAGE = "problem_file.md"
 
 

@@ -49,6 +49,11 @@ from .task.demands import Contact as Contact
 from .task.endpoints import GoalRegion as GoalRegion
 from .task.endpoints import ToolPose as ToolPose
 from .task.demands import Objective as Objective
+from .task.holding import Holding as Holding
+from .task.holding import Cup as Cup
+from .task.holding import Tray as Tray
+from .task.holding import Gripper as Gripper
+from .task.holding import Liquid as Liquid
 from .geometry.tube.tube import Tube as Tube
 from .geometry.solids import Obstacle as Obstacle
 from .geometry.solids import AttachedSolid as AttachedSolid

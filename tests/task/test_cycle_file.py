@@ -34,7 +34,9 @@ from tubeplanner.task.info import cycle_info
 SCHEMA = cycle_schema()
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 SAMPLE = Path(__file__).parents[1] / "data/cases" / "every_cycle_field.yaml"
-MOVE = "name, tube, goal, to, limits, clearance, contacts, objective, collision, pass_through"
+MOVE = (
+    "name, tube, goal, to, limits, clearance, contacts, objective, collision, pass_through, holding"
+)
 KIND = r"it must be a map with name or to \(of a move\), event, attach or detach"
 TOP = (
     "format, version, include, robot, start, obstacles, clearance, collision, objective, "
@@ -115,7 +117,7 @@ def test_every_field_has_a_description_and_durations_their_unit():
             with_(CLOSE, dwel=1),
             r"moves\[1\]: unknown key 'dwel' \(did you mean 'dwell'\?\); there is: event, set, d",
         ),
-        (with_(TAKE, paylod=1), r"moves\[2\]: unknown key 'paylod'.*: attach, payload, shape$"),
+        (with_(TAKE, paylod=1), r"moves\[2\]: unknown key 'paylod'.*: attach, pay.*, holding$"),
         (with_(LET_GO, leave=1), r"moves\[5\]: unknown key 'leave'.*: detach, leave_as_obstacle$"),
         (with_(TO_PICK, goall=1), rf"moves\[0\]: unknown key 'goall' .*; there is: {MOVE}$"),
         (

@@ -4,10 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from placed_problem import bundled_fields
 from scipy.optimize import linprog
+from small_cycle import small_cycle
 
-from tubeplanner import Payload
+from tubeplanner import Payload, parse_problem
+from tubeplanner.errors import ProblemError
+from tubeplanner.output.files.fingerprint import differing_parts, part_hashes, task_hash
 from tubeplanner.task.holding import Cup, Gripper, Holding, Liquid, Tray
+from tubeplanner.task.info import problem_doubts
 
 G = 9.81
 _INERTIA = (1e-3, 8e-4, 5e-4, 1e-4, 0.0, 0.0)
@@ -173,3 +178,132 @@ def test_no_wrench_that_passes_needs_more_friction_than_there_is(
         if count == 15:
             break
     assert count == 15
+
+
+# ---- The fields of files.
+
+_PROBLEM = "ur10/onto_a_conveyor"  # its tool points down
+_HELD = {"mass": 1.0, "com": [0, 0, 0.03], "inertia": [1e-3] * 3 + [0] * 3}
+_CUP = {"force": 42.4, "radius": 0.015, "friction": 0.5}
+_FLAT = {"friction": 0.3, "foot": [0.04, 0.04]}
+
+
+def _read(holding, /, **changes):
+    fields = bundled_fields(_PROBLEM) | ({} if holding is None else {"holding": holding})
+    return parse_problem(fields, f"robots/{_PROBLEM.split('/')[0]}", changes=changes)
+
+
+def test_a_cup_has_a_force_and_a_radius_or_a_vacuum_and_a_diameter():
+    (holding,) = _read({"part": _HELD, "cup": _CUP}).holding
+    assert holding.contact == Cup(42.4, 0.015, 0.5) and holding.part.com == (0, 0, 0.03)
+    (other,) = _read(
+        {"part": _HELD, "cup": {"vacuum": 60000, "diameter": 0.03, "friction": 0.5}}
+    ).holding
+    assert other.contact.force == pytest.approx(42.41, abs=0.005)
+    assert other.contact.radius == 0.015
+
+
+@pytest.mark.parametrize(
+    "holding, message",
+    [
+        ({"part": _HELD, "cup": _CUP, "tray": _FLAT}, "exactly one of .* it has cup, tray"),
+        ({"part": _HELD}, "exactly one of cup, tray, gripper, liquid; it has none"),
+        ({"cup": _CUP}, r"holding\.part is required"),
+        ({"part": _HELD, "suction": _CUP}, "unknown key 'suction'; there is: part, cup, tray"),
+        ({"part": _HELD, "cup": _CUP | {"pull": 1}}, r"holding\.cup: unknown key 'pull'"),
+        ({"part": _HELD, "cup": _CUP | {"safety": 0.9}}, "cup.safety is 0.9; 1 to 100 are"),
+        (
+            [{"part": _HELD, "cup": _CUP | {"friction": 0}}],
+            r"holding\[0\].cup.friction is 0; 0.001",
+        ),
+        ({"part": _HELD, "cup": _CUP | {"radius": 20}}, "radius is 20 m; 1e-05 to 10 m are acc"),
+        ({"part": _HELD, "cup": _CUP | {"diameter": 1}}, "cup: radius and diameter are both given"),
+        ({"part": _HELD, "cup": {"radius": 1, "friction": 1}}, "force and vacuum are both missing"),
+        ({"part": _HELD, "tray": _FLAT | {"foot": [0.1]}}, "foot .* two lengths, or a number, the"),
+        ({"part": _HELD | {"mass": 0}, "cup": _CUP}, r"holding\.part.mass is 0 kg"),
+        ({"part": _HELD | {"mass": -1}, "cup": _CUP}, r"holding\.part.mass -1 kg must be from 0"),
+        ({"part": _HELD | {"mass": 8}, "cup": _CUP}, "8 kg, more than robot.payload, 7.5 kg"),
+        ({"part": _HELD, "tray": _FLAT | {"normal": [0, 0, -1]}}, "com is 30 mm below the tray"),
+        ({"part": _HELD, "tray": _FLAT | {"position": [0.02, 0, 0]}}, "com is at x -20 mm, y 0 mm"),
+        ({"part": _HELD, "liquid": {"tilt": 0.3}}, r"holding\.part does not go with a liquid"),
+        ({"liquid": {"tilt": 2}}, "liquid.tilt is 2 rad; 0.001 to 1.5 rad are accepted"),
+        (
+            {"part": _HELD, "tray": _FLAT},
+            "start: .* slides off at rest: the tray's normal is 180.0 ",
+        ),
+        (
+            {"part": _HELD, "cup": _CUP | {"force": 10}},
+            "start: .* slides off at rest: it takes 47.2 % more",
+        ),
+        (3, "holding is 3; it must be a map with part and cup, tray, gripper or liquid, or a list"),
+    ],
+)
+def test_what_cannot_hold_is_refused_by_field_and_bound(holding, message):
+    with pytest.raises(ProblemError, match=message):
+        _read(holding)
+
+
+def test_a_tray_takes_gravity():
+    up = {"part": _HELD | {"com": [0, 0, -0.03]}, "tray": _FLAT | {"normal": [0, 0, -1]}}
+    assert len(_read(up).holding) == 1
+    with pytest.raises(ProblemError, match=r"a tray takes gravity, and robot.gravity is"):
+        _read(up, **{"robot.gravity": [0, 0, 0]})
+
+
+def test_field_paths_reach_a_contact_and_null_removes_it():
+    cup = {"part": _HELD, "cup": _CUP}
+    assert _read(cup, **{"holding.cup.force": 50}).holding[0].contact.force == 50
+    assert _read([cup], **{"holding.0.cup.friction": 0.4}).holding[0].contact.friction == 0.4
+    assert _read(cup, **{"holding": None}).holding == ()
+
+
+def test_a_part_without_inertia_or_reserve_is_noted():
+    notes = problem_doubts(_read({"part": {"mass": 1.0}, "cup": _CUP | {"safety": 1.0}}))
+    assert "holding.cup.safety is 1: a motion that just holds the part loses it" in notes[-2]
+    assert notes[-2].endswith("1.5 is usual")
+    assert notes[-1].startswith("holding.part.inertia is not given: the part counts as a point")
+
+
+def test_hashes_differ_with_what_is_held_and_stay_without():
+    without, held = _read(None), _read({"part": _HELD, "cup": _CUP})
+    firmer = _read({"part": _HELD, "cup": _CUP}, **{"holding.cup.force": 42.5})
+    assert len({task_hash(each) for each in (without, held, firmer)}) == 3
+    assert differing_parts(held, part_hashes(without)) == ["holding"]
+    assert task_hash(_read({"part": _HELD, "cup": _CUP})) == task_hash(held)
+    assert repr(held).endswith(", held by a cup>")
+
+
+# ---- Cycles.
+
+_GRIP = {"force": 50, "friction": 0.5, "pad": [0.02, 0.02]}
+
+
+def test_what_is_attached_is_held_until_it_is_detached():
+    cycle = small_cycle(moves__2__holding={"gripper": _GRIP})
+    legs = [cycle.problem_from_anywhere(k) for k in range(len(cycle.legs))]
+    assert [len(each.holding) for each in legs] == [0, 1, 0]
+    (holding,) = legs[1].holding
+    # The part is the attached payload.
+    assert holding.part == Payload(0.5, (0, 0, 0), (0.001, 0.001, 0.001, 0, 0, 0))
+    before, after = cycle.stop_at(1), cycle.stop_at(2)
+    assert [len(each) for each in before.holdings] == [0, 0, 1]
+    assert [len(each) for each in after.holdings] == [1, 1, 0]
+    assert task_hash(cycle) != task_hash(small_cycle())
+
+
+def test_a_part_of_an_attached_object_is_at_most_its_payload():
+    part = {"mass": 0.3, "com": [0, 0, 0.01]}
+    cycle = small_cycle(moves__2__holding={"part": part, "gripper": _GRIP})
+    assert cycle.problem_from_anywhere(1).holding[0].part == Payload(0.3, (0, 0, 0.01))
+    with pytest.raises(ProblemError, match=r"'part': holding.part.mass is 0.6 kg, more than its"):
+        small_cycle(moves__2__holding={"part": part | {"mass": 0.6}, "gripper": _GRIP})
+    with pytest.raises(ProblemError, match=r"'part': holding.gripper.friction is 0; 0.001 to 10"):
+        small_cycle(moves__2__holding={"gripper": _GRIP | {"friction": 0}})
+
+
+def test_a_move_holds_what_its_own_field_says():
+    held = [{"liquid": {"tilt": 0.3}}]
+    cycle = small_cycle(moves__3__holding=held, moves__4__holding=held)
+    assert [len(cycle.problem_from_anywhere(k).holding) for k in range(3)] == [0, 1, 0]
+    with pytest.raises(ProblemError, match=r"pass_through: holding differs from the move's before"):
+        small_cycle(moves__3__holding=held)

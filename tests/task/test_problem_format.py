@@ -114,7 +114,7 @@ def test_readers_of_studies_say_who_takes_others():
 ENDPOINT = "joints, seed, position, tolerance, rotation_tolerance, pose, group_state, trajectory"
 TOP = (
     "format, version, include, robot, tube, start, goal, obstacles, clearance, contacts, "
-    "collision, objective, period, robustness"
+    "collision, objective, period, robustness, holding"
 )
 ROBOT = (
     "urdf, package_dirs, xacro_args, srdf, tool_frame, tool_offset, base, joints, "

@@ -252,6 +252,7 @@ class Cycle:
                 move.objective,
                 self.period,
                 self.robustness,
+                leg.holding,
                 name=f"{self.name}, {leg.name}",
             )
             _ = problem.collision  # built here, so that its errors name the move

@@ -27,6 +27,7 @@ from tubeplanner.task.problem_format import (
     CollisionFields,
     ContactFields,
     EndpointFields,
+    Holdings,
     ObjectiveFields,
     ObstacleItem,
     PayloadFields,
@@ -37,6 +38,7 @@ from tubeplanner.task.problem_format import (
     TubeFields,
     clearances_of,
     contacts_of,
+    holdings_from,
     is_cycle,
     read_document,
 )
@@ -93,6 +95,9 @@ class MoveFields(Section):
     objective: ObjectiveFields | None = Field(None, description="in place of the cycle's")
     collision: MoveCollisionFields = Field(MoveCollisionFields(), description="what is checked")
     pass_through: Flag = Field(False, description="no stop where it begins")
+    holding: Holdings | None = Field(
+        None, description="parts that the tool holds by contact, beside attached ones"
+    )
 
 
 class EventFields(Section):
@@ -116,6 +121,9 @@ class AttachFields(Section):
     payload: PayloadFields | None = Field(None, description="adds to robot.payload")
     shape: ShapeFields | None = Field(
         None, description="in tool_frame, if it is no obstacle; left out: a mass alone"
+    )
+    holding: Holdings | None = Field(
+        None, description="what holds it while it is attached; part: by default the payload"
     )
 
 
@@ -308,6 +316,8 @@ class _MoveReader:
         ).clearance
         segments = int(problem.tube.numbers[-1])
         ignored = [*self._ignored(self._data), *self._ignored(own), *problem.ignore_collisions]
+        with faults_of(source, ProblemError):
+            holding = holdings_from(fields.holding)
         move = Move(
             name,
             self._robots.setdefault(json.dumps(merged["robot"], default=str), problem.robot),
@@ -318,6 +328,7 @@ class _MoveReader:
             ignore_collisions=tuple(ignored),
             objective=problem.objective,
             passes_through=fields.pass_through,
+            holding=holding,
         )
         self._end = move.end_position
         return move
@@ -391,7 +402,9 @@ def _stop_step(k: int, step: Any, directory: Path, robot: RobotModel) -> Step:
             fields = AttachedFields(name=step.attach, **step.shape.model_dump())
             field = f"attach '{step.attach}': shape"
             solid = attached_of(fields, directory, robot.package_dirs, field)
-        return Attach(step.attach, payload, solid)
+        with faults_of(f"attach '{step.attach}'", ProblemError):
+            holding = holdings_from(step.holding, payload=payload)
+        return Attach(step.attach, payload, solid, holding)
     except (ProblemError, RobotError) as error:
         raise type(error)(f"moves[{k}]: {error}") from None
 

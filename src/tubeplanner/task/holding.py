@@ -454,13 +454,18 @@ def loss_at_rest(robot: RobotModel, holdings: Sequence[Holding], q: FloatArray) 
         return None
     cones = [(holding, cone) for holding in holdings for cone in holding.cones]
     holding, cone = cones[int(margins.argmin())]
+    excess = f"{-100 * margins.min():.1f} % more than"
+    if holding.kind not in ("tray", "liquid"):
+        return (
+            f"the held part {cone.name} off at rest: it takes {excess} the {holding.kind} carries"
+        )
     rotation, _ = robot.tool_pose(q[None])
     normal = rotation[0] @ robot.tool_offset.placement[:3, :3].T @ holding.axes[:, 2]
     gravity = robot.gravity / max(float(np.linalg.norm(robot.gravity)), 1e-300)
     lean = float(np.degrees(np.arccos(np.clip(-gravity @ normal, -1, 1))))
     return (
         f"the held part {cone.name} off at rest: the {holding.kind}'s normal is {lean:.1f} degrees "
-        f"from upright there, {-100 * margins.min():.1f} % more than the contact carries"
+        f"from upright there, {excess} the contact carries"
     )
 
 
@@ -475,3 +480,36 @@ def holdings_of(value: object) -> tuple[Holding, ...]:
         if not isinstance(member, Holding):
             raise ProblemError(f"holding[{k}] is {shown(member)}; give a Holding")
     return tuple(members)  # type: ignore[arg-type]
+
+
+def require_carried(holdings: Sequence[Holding], payload: Payload | None, label: str) -> None:
+    """Raise ProblemError if held parts are heavier than the payload, which has a label."""
+    mass = sum(each.mass_properties.mass for each in holdings if each.kind != "liquid")
+    carried = 0.0 if payload is None else payload.mass
+    if mass > carried * (1 + 1e-9):
+        parts = "holding.part.mass is" if len(holdings) == 1 else "the masses of held parts are"
+        raise ProblemError(
+            f"{parts} {mass:g} kg, more than {label}, {carried:g} kg, which counts for the arm's "
+            "efforts; add what is held to it"
+        )
+
+
+def holding_notes(holdings: Sequence[Holding]) -> list[str]:
+    """Return notes on held parts without a reserve, and on parts without inertia."""
+    notes = []
+    for k, holding in enumerate(holdings):
+        here = "holding" if len(holdings) == 1 else f"holding[{k}]"
+        contact = holding.contact
+        if isinstance(contact, Liquid):
+            continue
+        if contact.safety == 1:
+            notes.append(
+                f"{here}.{holding.kind}.safety is 1: a motion that just holds the part loses it at "
+                f"the slightest compliance or error; {type(contact).safety:g} is usual"
+            )
+        if not any(holding.mass_properties.inertia):
+            notes.append(
+                f"{here}.part.inertia is not given: the part counts as a point at its com, which "
+                "turns without a moment"
+            )
+    return notes

@@ -21,6 +21,7 @@ from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import CycleFields, load_cycle
 from tubeplanner.task.endpoints import Endpoint
 from tubeplanner.task.field_changes import checked_layers, read_problem_fields
+from tubeplanner.task.holding import Holding, holding_notes
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.legs import Leg, step_text
 from tubeplanner.task.motion import Task
@@ -126,7 +127,8 @@ def problem_doubts(problem: PlanningProblem) -> tuple[str, ...]:
     points = problem.tube.points
     tube = Extent(0, np.array([points.min(axis=0), points.max(axis=0)]))
     extents = {**problem.collision.extents, "the tube's points": tube}
-    return (*problem.notes, *implausible_values(problem.robot, extents), *_goal_note(problem))
+    notes = (*implausible_values(problem.robot, extents), *holding_notes(problem.holding))
+    return (*problem.notes, *notes, *_goal_note(problem))
 
 
 def task_doubts(task: Task) -> tuple[str, ...]:
@@ -186,7 +188,14 @@ def _problem_task(problem: PlanningProblem) -> dict[str, Any]:
         "contacts": [asdict(contact) for contact in problem.contacts],
         "payload": None if payload is None else {"mass": payload.mass, "com": list(payload.com)},
         "period": problem.period,
+        "holding": list(map(_held, problem.holding)),
     }
+
+
+def _held(holding: Holding) -> dict[str, Any]:
+    """Return kind, numbers and part of a holding as JSON values."""
+    part = None if holding.kind == "liquid" else asdict(holding.mass_properties)
+    return {"kind": holding.kind, **asdict(holding.contact), "part": part}
 
 
 def _end(problem: PlanningProblem, end: Endpoint) -> dict[str, Any]:
@@ -249,4 +258,5 @@ def _leg(cycle: Cycle, k: int, leg: Leg) -> dict[str, Any]:
         ],
         "payload": None if payload is None else {"mass": payload.mass, "com": list(payload.com)},
         "attached": [solid.name for solid in cycle.problem_from_anywhere(k).attached],
+        "holding": list(map(_held, cycle.problem_from_anywhere(k).holding)),
     }

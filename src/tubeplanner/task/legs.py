@@ -13,6 +13,7 @@ from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.outcome import Location
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
+from tubeplanner.task.holding import Holding
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
 
 StopStep: TypeAlias = Event | Attach | Detach
@@ -25,6 +26,8 @@ class Stop:
     steps: tuple[StopStep, ...]  # events, attaching and detaching, in order
     # the arm with its payload, before the first step and after each step
     arms: tuple[RobotModel, ...]
+    # what holds attached objects at these times
+    holdings: tuple[tuple[Holding, ...], ...]
 
     @property
     def duration(self) -> float:
@@ -45,6 +48,11 @@ class Leg:
     before: Stop  # the rest before the leg
     joined: Move  # all moves as one move, over all their segments
     robot: RobotModel  # the arm with its payload in this leg
+
+    @property
+    def holding(self) -> tuple[Holding, ...]:
+        """What holds attached objects and the parts of its moves."""
+        return (*self.before.holdings[-1], *self.joined.holding)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -125,27 +133,32 @@ def _runs(steps: Sequence[Step]) -> tuple[list[list[Move]], list[list[StopStep]]
 
 
 class _Loads:
-    """Payloads of the robot, from step to step."""
+    """Payloads of the robot, and what holds them, from step to step."""
 
     def __init__(self) -> None:
-        self._payloads: dict[str, Payload | None] = {}
+        self._attached: dict[str, Attach] = {}
         # One arm per payload: arms keep computed values.
         self._arms: dict[tuple[RobotModel, tuple[Payload, ...]], RobotModel] = {}
 
     def stop(self, steps: Sequence[StopStep], move: Move) -> Stop:
         """Apply the steps of a rest before, or after, a move, and return the rest."""
-        arms = [self._loaded_arm(move)]
+        arms, holdings = [self._loaded_arm(move)], [self._holding()]
         for step in steps:
             if isinstance(step, Attach):
-                self._payloads[step.name] = step.payload
+                self._attached[step.name] = step
             elif isinstance(step, Detach):
-                self._payloads.pop(step.name, None)
+                self._attached.pop(step.name, None)
             arms.append(self._loaded_arm(move))
-        return Stop(tuple(steps), tuple(arms))
+            holdings.append(self._holding())
+        return Stop(tuple(steps), tuple(arms), tuple(holdings))
+
+    def _holding(self) -> tuple[Holding, ...]:
+        return tuple(holding for step in self._attached.values() for holding in step.holding)
 
     def _loaded_arm(self, move: Move) -> RobotModel:
         """Return a move's arm with its current payload."""
-        loads = tuple(load for load in self._payloads.values() if load is not None)
+        each = (step.payload for step in self._attached.values())
+        loads = tuple(load for load in each if load is not None)
         if not loads:
             return move.robot
         key = (move.robot, loads)
@@ -218,6 +231,7 @@ def _require_joinable(first: Move, second: Move) -> None:
         "objective": first.objective == second.objective,
         "collision.ignore": set(first.ignore_collisions) == set(second.ignore_collisions),
         "clearance.pairs": first.pair_clearances == second.pair_clearances,
+        "holding": first.holding == second.holding,
     }
     for name in _SAME_IN_TUBES:
         pairs[f"tube.{name}"] = getattr(first.tube, name) == getattr(second.tube, name)

@@ -77,7 +77,7 @@ class ProblemMotion:
     @property
     def stops(self) -> tuple[Stop, ...]:
         """The rests before and after the motion, without steps."""
-        return (Stop((), (self.task.robot,)),) * 2
+        return (Stop((), (self.task.robot,), (tuple(self.task.holding),)),) * 2
 
 
 @dataclass(frozen=True, eq=False)

@@ -144,10 +144,11 @@ class PlanningProblem:
     def __repr__(self) -> str:
         robot, solids = self.robot, len(self.obstacles)
         kinds = [end.kind for end in self.endpoints]
+        held = "".join(f", held by a {each.kind}" for each in self.holding)
         return (
             f"<PlanningProblem {self.name}: {robot.joint_count} joints of {robot.name} to "
             f"{robot.tool_frame}, {self.tube.segment_count} segments, {solids} "
-            f"obstacle{'s' * (solids != 1)}, start by {kinds[0]}, goal {kinds[1]}>"
+            f"obstacle{'s' * (solids != 1)}, start by {kinds[0]}, goal {kinds[1]}{held}>"
         )
 
     @cached_property
@@ -302,6 +303,12 @@ class PlanningProblem:
 
     def _require_held_at_ends(self) -> None:
         """Raise unless the held parts are held at rest in given configurations of the ends."""
+        kinds = [each.kind for each in self.holding if each.kind in ("tray", "liquid")]
+        if kinds and not self.robot.gravity.any():
+            raise ProblemError(
+                f"holding: a {kinds[0]} takes gravity, and robot.gravity is [0, 0, 0]; give "
+                "robot.gravity, or hold the part by a cup or a gripper"
+            )
         for name, end in zip(("start", "goal"), self.endpoints, strict=True):
             if end.joints is None:
                 continue

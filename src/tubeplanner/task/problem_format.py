@@ -1,5 +1,6 @@
 """The problem file's format: fields, units, defaults; the kind of a document."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
@@ -15,7 +16,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
-from tubeplanner.errors import ProblemError, faults_of
+from tubeplanner.errors import ProblemError, RobotError, faults_of
 from tubeplanner.fields import (
     DeclaredSection,
     Finite,
@@ -492,9 +493,16 @@ class RobustnessFields(DeclaredSection):
     )
 
 
-@section_of(Cup)
+@section_of(Cup, "friction", "safety", "position", "normal")
 class CupFields(DeclaredSection):
     """A suction cup: a ring that the vacuum presses onto the part."""
+
+    force: Finite | None = Field(None, description="at working pressure [N]")
+    radius: Finite | None = Field(None, description="of the ring [m]")
+    vacuum: Finite | None = Field(
+        None, description="below the pressure around, in place of the force [Pa]"
+    )
+    diameter: Finite | None = Field(None, description="in place of the radius [m]")
 
 
 @section_of(Tray)
@@ -533,25 +541,60 @@ Holdings: TypeAlias = Annotated[
 ]
 
 
-def holdings_from(fields: HoldingFields | list[HoldingFields] | None) -> tuple[Holding, ...]:
+def holdings_from(
+    fields: HoldingFields | list[HoldingFields] | None,
+    field: str = "holding",
+    payload: Payload | None = None,
+) -> tuple[Holding, ...]:
     """Return the holdings of a file's fields.
 
+    Args:
+        fields: One or several; None: none.
+        field: What messages call them.
+        payload: Mass properties of parts that the fields do not have; None: fields must.
+
     Raises:
-        ProblemError: A contact is missing or given twice.
+        ProblemError: A contact is missing or given twice, or a value is out of its bounds.
     """
     items = [] if fields is None else fields if isinstance(fields, list) else [fields]
     holdings = []
-    for item in items:
+    for k, item in enumerate(items):
+        here = f"{field}[{k}]" if isinstance(fields, list) else field
         kinds = {kind.kind: kind for kind in CONTACT_KINDS}
-        given = [name for name in kinds if getattr(item, name) is not None]
-        if len(given) != 1:
-            raise ProblemError(
-                f"holding takes one of {', '.join(kinds)}; it has {', '.join(given) or 'none'}"
-            )
-        contact = kinds[given[0]](**getattr(item, given[0]).model_dump())
-        part = None if item.part is None else Payload(**item.part.model_dump())
-        holdings.append(Holding(contact, part))
+        names = [name for name in kinds if getattr(item, name) is not None]
+        if len(names) != 1:
+            has = ", ".join(names) or "none"
+            raise ProblemError(f"{here} must have exactly one of {', '.join(kinds)}; it has {has}")
+        if item.part is not None and item.liquid is not None:
+            raise ProblemError(f"{here}.part does not go with a liquid; leave it out")
+        if item.part is None and item.liquid is None and payload is None:
+            raise ProblemError(f"{here}.part is required: mass, com and inertia of what is held")
+        numbers = getattr(item, names[0]).model_dump()
+        try:
+            if item.cup is not None:
+                numbers = _cup_numbers(numbers)
+            part = payload if item.part is None else Payload(**item.part.model_dump())
+            holdings.append(Holding(kinds[names[0]](**numbers), part))
+        except (ProblemError, RobotError) as error:
+            # Messages of payloads name the robot's.
+            reason = str(error).replace("robot.payload: ", "part.")
+            raise ProblemError(f"{here}.{reason}") from None
     return tuple(holdings)
+
+
+def _cup_numbers(numbers: dict[str, Any]) -> dict[str, Any]:
+    """Return the numbers of a cup with its force [N] and radius [m]."""
+    vacuum, diameter = numbers.pop("vacuum"), numbers.pop("diameter")
+    for name, other in (("force", vacuum), ("radius", diameter)):
+        if (numbers[name] is None) == (other is None):
+            instead = {"force": "vacuum", "radius": "diameter"}[name]
+            both = "are both given; leave out one" if other is not None else "are both missing"
+            raise ProblemError(f"cup: {name} and {instead} {both}")
+    if diameter is not None:
+        numbers["radius"] = diameter / 2
+    if vacuum is not None:
+        numbers["force"] = vacuum * math.pi * numbers["radius"] ** 2
+    return numbers
 
 
 class ProblemFields(Section):

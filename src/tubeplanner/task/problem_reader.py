@@ -24,6 +24,7 @@ from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
 from tubeplanner.task.demands import Objective, Robustness
 from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration_of
 from tubeplanner.task.field_changes import checked_layers, read_problem_fields
+from tubeplanner.task.holding import require_carried
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.moveit_files import solids_of_scene
 from tubeplanner.task.problem import PlanningProblem
@@ -129,7 +130,8 @@ def build_problem(
         tube = (tube_of or _tube)(fields, robot, directory)
         segments = int(tube.numbers[-1]) if tube_of is None else None
         solids = solids_of(fields, robot, directory) if like is None else dict(like.solids)
-        notes = solids.pop("notes", ())
+        notes, holding = solids.pop("notes", ()), holdings_from(fields.holding)
+        require_carried(holding, robot.payload, "robot.payload")
         problem = PlanningProblem(
             robot=robot,
             tube=tube,
@@ -141,7 +143,7 @@ def build_problem(
             objective=_built(Objective, fields.objective),
             period=fields.period,
             robustness=_robustness(fields.robustness, directory),
-            holding=holdings_from(fields.holding),
+            holding=holding,
             name=name,
             notes=(*doubts(angles_of(fields.model_dump())), *notes),
         )

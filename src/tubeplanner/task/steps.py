@@ -10,7 +10,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import in_figures, is_number
-from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.errors import ProblemError, faults_of, shown, unknown_name
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.outcome import MARGIN_TOLERANCE
@@ -18,6 +18,7 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.demands import Contact, Names, Objective, is_multiple, pair_distances
 from tubeplanner.task.endpoints import Endpoint, Goal, endpoint_of
+from tubeplanner.task.holding import Holding, holdings_of, require_carried
 from tubeplanner.task.problem import given_members, require_parts
 from tubeplanner.text import require_name, short_repr
 
@@ -42,6 +43,7 @@ class Move:
         ignore_collisions: Pairs of names that may touch.
         objective: Objective beside the shortest duration.
         passes_through: True if the arm does not stop at the start of this move.
+        holding: Parts that the tool holds by contact in this move, beside attached ones.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Move:
     ignore_collisions: Sequence[Names] = ()
     objective: Objective | None = None
     passes_through: bool = False
+    holding: Sequence[Holding] = ()
 
     __repr__ = short_repr
 
@@ -64,6 +67,7 @@ class Move:
         for group in ("contacts", "ignore_collisions"):
             object.__setattr__(self, group, given_members(group, getattr(self, group), label))
         object.__setattr__(self, "pair_clearances", pair_distances(self.pair_clearances))
+        object.__setattr__(self, "holding", holdings_of(self.holding))
 
     @property
     def endpoint(self) -> Endpoint:
@@ -117,17 +121,22 @@ class Attach:
         name: Name of an obstacle, attached at its pose of that time, or of `solid`.
         payload: Mass of the object, in addition to the robot's payload; None: no mass.
         solid: Shape in the tool frame; None: the obstacle's shape, or none.
+        holding: Contacts that hold the object while it is attached.
     """
 
     name: str
     payload: Payload | None = None
     solid: AttachedSolid | None = None
+    holding: Sequence[Holding] = ()
 
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
         require_name("what is attached", self.name, ProblemError)
         require_parts(self, "payload", "solid", label=f"attach '{self.name}': ")
+        object.__setattr__(self, "holding", holdings_of(self.holding))
+        with faults_of(f"attach '{self.name}'", ProblemError):
+            require_carried(self.holding, self.payload, "its payload")
         if self.solid is not None and self.solid.name != self.name:
             raise ProblemError(
                 f"attach '{self.name}': its solid is called {shown(self.solid.name)}; give both "

@@ -63,7 +63,7 @@ def problem_hash(problem: PlanningProblem) -> str:
     """
     robot = problem.robot
     parts = [*robot_parts(robot), *tube_parts(problem.tube, robot.joint_names)]
-    parts += [*endpoint_parts(problem), *_collision_parts(problem)]
+    parts += [*endpoint_parts(problem), *_collision_parts(problem), *holding_parts(problem)]
     return hash_of(parts, _PROBLEM_DIGITS)
 
 
@@ -99,6 +99,16 @@ def endpoint_parts(problem: PlanningProblem) -> list[object]:
         else:
             parts.append(end.seed if end.joints is None else end.joints)
     return parts
+
+
+def holding_parts(problem: PlanningProblem) -> list[object]:
+    """Return what the tool holds and how, each after its kind; nothing if nothing is held."""
+    parts: list[object] = []
+    for each in problem.holding:
+        numbers = [np.ravel(value) for value in vars(each.contact).values()]
+        parts += [each.kind, *numbers, *dataclasses.astuple(each.mass_properties)]
+    robot = problem.robot
+    return [*parts, *_link_poses(robot, robot.tool_frame), robot.gravity] if parts else []
 
 
 def robot_parts(robot: RobotModel) -> list[object]:
@@ -277,6 +287,7 @@ def _parts(problem: PlanningProblem) -> dict[str, list[object]]:
             *(name for pair in touching for name in pair),
             *clearance_parts(problem),
         ],
+        "holding": holding_parts(problem),
     }
 
 
