@@ -7,14 +7,13 @@ and the six products of the angular velocity. M is the same everywhere; z0 is gr
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.path_samples import LimitKey, PathSamples
-from tubeplanner.limits.peaks import refined_maximum
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.task.holding import Holding, loss_at_rest
@@ -258,8 +257,7 @@ def _numbers(motion: FloatArray) -> FloatArray:
 
 # ---- Shares of what contacts carry.
 
-_SAMPLES, _MIN_PER_PIECE = 1000, 12  # before the highest peaks are refined
-_BAND = 0.02
+_SAMPLES, _MIN_PER_PIECE = 1000, 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,7 +320,7 @@ class HoldingPeak:
 
 
 def holding_peaks(sections: Iterable[MotionSection]) -> list[HoldingPeak]:
-    """Return the peak of every contact over a motion, from refined samples.
+    """Return the peak of every contact over a motion, at 1,000 samples or more of each section.
 
     A contact of several sections has the highest peak of all.
     """
@@ -330,32 +328,19 @@ def holding_peaks(sections: Iterable[MotionSection]) -> list[HoldingPeak]:
     for section in sections:
         count = max(_MIN_PER_PIECE, -(-_SAMPLES // len(section.trajectory.widths)))
         samples = section.trajectory.per_piece(count)
-        for k, use in enumerate(_uses(section, samples)):
-            share, time = float(use.share.max()), float(samples.time[use.share.argmax()])
-            if np.isfinite(share):
-                at_times = partial(_shares, section, k)
-                band = _BAND * share
-                share, time = refined_maximum(at_times, samples.time, use.share, band=band)
-            highest = holding_at(section, np.array([time]))[k]
-            happens = use.holding.cones[highest.cone[0]].name
-            at_rest = float(use.share_at_rest.max())
-            peak = HoldingPeak(use.holding.kind, share, happens, section.begin + time, at_rest)
-            other = peaks.setdefault(repr(use.holding), peak)
-            highest_at_rest = max(at_rest, other.share_at_rest)
+        for use in holding_of_section(section, samples):
+            top, contact = int(use.share.argmax()), use.holding
+            share, time = float(use.share[top]), section.begin + float(samples.time[top])
+            happens, at_rest = contact.cones[use.cone[top]].name, float(use.share_at_rest.max())
+            peak = HoldingPeak(contact.kind, share, happens, time, at_rest)
+            other = peaks.get(repr(contact), peak)
             higher = peak if peak.share > other.share else other
-            peaks[repr(use.holding)] = replace(higher, share_at_rest=highest_at_rest)
+            at_rest = max(at_rest, other.share_at_rest)
+            peaks[repr(contact)] = replace(higher, share_at_rest=at_rest)
     return list(peaks.values())
 
 
-def holding_at(section: MotionSection, time: FloatArray) -> list[HoldingUse]:
-    """Return the use of every contact at times from a section's begin (N,) [s]."""
-    return _uses(section, section.trajectory.at(time))
-
-
-def _uses(section: MotionSection, samples: TrajectorySamples) -> list[HoldingUse]:
+def holding_of_section(section: MotionSection, samples: TrajectorySamples) -> list[HoldingUse]:
+    """Return the use of every contact at samples of a section's trajectory."""
     states = np.stack([samples.position, samples.velocity, samples.acceleration])
     return holding_uses(PathSamples(section.problem, states)) if section.problem.holding else []
-
-
-def _shares(section: MotionSection, contact: int, time: FloatArray) -> FloatArray:
-    return holding_at(section, time)[contact].share

@@ -21,7 +21,7 @@ from tubeplanner.limits.binding_limits import (
     limit_uses,
     samples_per_piece,
 )
-from tubeplanner.limits.holding_limit import HoldingUse, holding_uses
+from tubeplanner.limits.holding_limit import HoldingUse, holding_of_section, holding_uses
 from tubeplanner.limits.path_samples import JointSpeedLimit, PathSamples
 from tubeplanner.limits.peaks import motor_effort
 from tubeplanner.limits.rates import PointSpeedLimit, ToolSpeed
@@ -65,6 +65,22 @@ class LimitedSection(MotionSection):
 def limited_sections(motion: Motion) -> tuple[LimitedSection, ...]:
     """Return the sections of a motion with their use of limits."""
     return tuple(LimitedSection(**vars(section)) for section in motion.sections)
+
+
+def held_contacts(sections: Sequence[MotionSection], time: FloatArray) -> list[HoldingUse]:
+    """Return the use of every contact at times (K,) of a motion [s]; NaN while it holds no part."""
+    contacts: dict[str, HoldingUse] = {}
+    for section in sections:
+        rows = section.inside(time)
+        local = np.minimum(time[rows] - section.begin, section.trajectory.duration)
+        for use in holding_of_section(section, section.trajectory.at(local)) if len(rows) else ():
+            nothing = np.full((5, len(time)), np.nan)
+            cone = np.zeros(len(time), dtype=np.int64)
+            absent = HoldingUse(use.holding, nothing[0], cone, nothing[1], nothing[2:].T)
+            whole = contacts.setdefault(repr(use.holding), absent)
+            for name in ("share", "cone", "share_at_rest", "apparent_gravity"):
+                getattr(whole, name)[rows] = getattr(use, name)
+    return list(contacts.values())
 
 
 @dataclass(frozen=True, eq=False)

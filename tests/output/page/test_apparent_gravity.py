@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 from tubeplanner import view
 from tubeplanner.geometry.convex_shapes import box
 from tubeplanner.geometry.solids import AttachedSolid
-from tubeplanner.limits.holding_limit import holding_at
+from tubeplanner.output.curves import held_contacts
 from tubeplanner.output.link_visuals import solids_at_tool
 from tubeplanner.output.page.apparent_gravity import held_region
 from tubeplanner.output.page.scene import Layer
@@ -54,7 +54,7 @@ def test_the_tip_of_the_arrow_is_the_apparent_gravity_and_stays_in_the_cone(slow
     scene = view(problem, trajectory).scene
     arrow, region = (item for item in scene.items if item.layer is Layer.HOLDING)
     (shown,) = scene.trajectories
-    (use,) = holding_at(MotionSection(problem, trajectory), shown.time)
+    (use,) = held_contacts([MotionSection(problem, trajectory)], shown.time)
     assert use.share.max() < 1
     scale = 20 * scene.thickness / G
     hull = ConvexHull(region.surface.vertices).equations

@@ -12,9 +12,8 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.geometry.convex_shapes import frame_along
-from tubeplanner.limits.holding_limit import holding_at
 from tubeplanner.output import drawing
-from tubeplanner.output.curves import LimitedSection
+from tubeplanner.output.curves import LimitedSection, held_contacts
 from tubeplanner.output.page.scene import Item, Layer, ShownTrajectory, with_bodies
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.holding import GRAVITY, Holding
@@ -48,36 +47,25 @@ def apparent_gravity(
 
     The thickness is the radius of drawn lines [m].
     """
-    body, count = robot.link_body[robot.tool_frame], len(shown.time)
-    tool = np.array([shown.placement(step, body) for step in range(count)])
-    tool = tool @ robot.link_placement[robot.tool_frame]
-    contacts: dict[str, tuple[Holding, FloatArray, BoolArray]] = {}
-    for section in sections:
-        rows = section.inside(shown.time)
-        local = np.minimum(shown.time[rows] - section.begin, section.trajectory.duration)
-        for use in holding_at(section, local) if len(rows) else ():
-            new = use.holding, np.zeros((count, 3)), np.zeros(count, dtype=bool)
-            _, gravity, present = contacts.setdefault(repr(use.holding), new)
-            gravity[rows], present[rows] = use.apparent_gravity, True
+    body, steps = robot.link_body[robot.tool_frame], range(len(shown.time))
+    tool = np.array([shown.placement(step, body) for step in steps])
     scale = _LENGTH * thickness / GRAVITY  # [m per m/s^2]
     color, bodies, items = drawing.rgb(drawing.HOLDING_COLOR), list[ContactBody](), list[Item]()
-    for k, (holding, gravity, present) in enumerate(contacts.values()):
-        contact = np.eye(4)
-        contact[:3, :3], contact[:3, 3] = holding.axes, holding.contact.position
-        placed, arrow = tool @ contact, np.tile(np.eye(4), (count, 1, 1))
-        for step in np.flatnonzero(present).tolist():
-            length = float(np.linalg.norm(gravity[step]))
-            if length > _LEAST:
-                stretch = [1.0, 1.0, scale * length]
-                arrow[step, :3, :3] = frame_along(gravity[step] / length) * stretch
+    for k, use in enumerate(held_contacts(sections, shown.time)):
+        contact, present = np.eye(4), ~np.isnan(use.share)
+        contact[:3, :3], contact[:3, 3] = use.holding.axes, use.holding.contact.position
+        contact = robot.link_placement[robot.tool_frame] @ contact
+        arrow = np.tile(np.eye(4), (len(steps), 1, 1))
+        length = np.linalg.norm(use.apparent_gravity, axis=1)
+        for step in np.flatnonzero(length > _LEAST).tolist():
+            direction = use.apparent_gravity[step] / length[step]
+            arrow[step, :3, :3] = frame_along(direction) * [1.0, 1.0, scale * length[step]]
         number = shown.rotation.shape[1] + len(bodies)
-        bodies += [ContactBody(placed @ arrow, present), ContactBody(placed, present)]
-        name = f"{holding.kind}_{k}"
-        line = _arrow(thickness)
+        bodies += [ContactBody(tool @ contact @ each, present) for each in (arrow, np.eye(4))]
+        name, line = f"{use.holding.kind}_{k}", _arrow(thickness)
         items.append(Item(Layer.HOLDING, i, name, line, color, 1.0, number, is_smooth=False))
-        if (region := held_region(holding)) is not None:
-            surface = drawing.hull_surface(scale * region)
-            name = f"region_{k}"
+        if (region := held_region(use.holding)) is not None:
+            name, surface = f"region_{k}", drawing.hull_surface(scale * region)
             held = Item(Layer.HOLDING, i, name, surface, color, _REGION_OPACITY, number + 1)
             items.append(held)
     return with_bodies(shown, bodies), items
@@ -93,27 +81,26 @@ def held_region(holding: Holding) -> FloatArray | None:
     lever = (np.array(part.com) - holding.contact.position) @ holding.axes
 
     def holds(gravity: FloatArray) -> BoolArray:
-        force = -part.mass * gravity
+        force = -part.mass * gravity.reshape(-1, 3)
         wrench = np.hstack([force, np.cross(lever, force)])
-        return np.all([cone.margin(wrench) >= 0 for cone in holding.cones], axis=0)
+        margins = [cone.margin(wrench) for cone in holding.cones]
+        return np.min(margins, axis=0).reshape(gravity.shape[:-1]) >= 0
 
+    normal = np.array([0.0, 0.0, 1.0])
     heights = np.linspace(-_LARGEST, _LARGEST, _HEIGHTS)
-    heights = heights[holds(heights[:, None] * [0.0, 0.0, 1.0])]
+    heights = heights[holds(heights[:, None] * normal)]
     if len(heights) < 2:
         return None
+    heights = np.linspace(heights[0], heights[-1], _DRAWN_HEIGHTS)[:, None, None]
     azimuth = np.linspace(0, 2 * np.pi, _AZIMUTHS, endpoint=False)
     around = np.column_stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth])
-    points = []
-    for height in np.linspace(heights[0], heights[-1], _DRAWN_HEIGHTS):
-        middle = np.array([0.0, 0.0, height])
-        inside = np.zeros((_AZIMUTHS, 1))
-        outside = inside + np.sqrt(_LARGEST**2 - height**2)
-        for _ in range(_HALVINGS):
-            radius = (inside + outside) / 2
-            is_held = holds(middle + radius * around)[:, None]
-            inside, outside = np.where(is_held, radius, inside), np.where(is_held, outside, radius)
-        points.append(middle + inside * around)
-    region = np.vstack(points)
+    low = np.zeros((_DRAWN_HEIGHTS, _AZIMUTHS, 1))
+    high = low + np.sqrt(_LARGEST**2 - heights**2)
+    for _ in range(_HALVINGS):
+        radius = (low + high) / 2
+        is_held = holds(heights * normal + radius * around)[..., None]
+        low, high = np.where(is_held, radius, low), np.where(is_held, high, radius)
+    region: FloatArray = (heights * normal + low * around).reshape(-1, 3)
     is_limited = np.linalg.norm(region, axis=1).min() < _ALMOST * _LARGEST
     return region if is_limited else None
 

@@ -25,12 +25,17 @@ from tubeplanner.limits.binding_limits import (
     binding_rows,
     closest_pairs,
 )
-from tubeplanner.limits.holding_limit import HoldingUse, holding_at
 from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.limits.peaks import trajectory_peaks
 from tubeplanner.limits.rates import ToolSpeed
 from tubeplanner.output import drawing
-from tubeplanner.output.curves import LimitedSection, cycle_timeline, segments_per_group, size_of
+from tubeplanner.output.curves import (
+    LimitedSection,
+    cycle_timeline,
+    held_contacts,
+    segments_per_group,
+    size_of,
+)
 from tubeplanner.output.link_visuals import solids_at_tool
 from tubeplanner.output.page.motion_scene import POINTER
 from tubeplanner.output.page.scene import Layer, Scene, ShownTrajectory, handed_over
@@ -253,6 +258,7 @@ def _move_entries(scene: Scene, moves: Sequence[Move]) -> list[dict[str, str]]:
 _TOOL_COLOR, _LINKS_COLOR = "#8C510A", "#7A6FAF"
 # A joint near an end of its range may be as fast as elsewhere: its use counts at the end alone.
 _AT_END = 0.998
+_MAX_SHARE = 999.0  # [%]: of what holds under no load, the share is infinite
 _WORDS = {"obstacles": "to obstacles", "self_collision": "between links"}
 
 
@@ -332,24 +338,16 @@ def _largest_near(section: LimitedSection, fraction: FloatArray, time: FloatArra
 
 def _holding(sections: Sequence[LimitedSection], time: FloatArray) -> list[dict[str, Any]]:
     """Return the used share of what each contact carries, at speed with what happens, at rest."""
-    contacts: dict[str, tuple[HoldingUse, FloatArray, IntArray]] = {}
-    for section in sections:
-        rows = section.inside(time)
-        local = np.minimum(time[rows] - section.begin, section.trajectory.duration)
-        for use in holding_at(section, local) if len(rows) else ():
-            shares, cones = np.full((2, len(time)), np.nan), np.zeros(len(time), dtype=int)
-            _, shares, cones = contacts.setdefault(repr(use.holding), (use, shares, cones))
-            shares[:, rows], cones[rows] = [use.share, use.share_at_rest], use.cone
     return [
         {
             "name": use.holding.kind,
             "color": drawing.LINE_COLORS[k % len(drawing.LINE_COLORS)],
-            "share": _rounded(100 * shares[0], 0),
-            "atRest": _rounded(100 * shares[1], 0),
-            "happens": cones.tolist(),
+            "share": _rounded(np.minimum(100 * use.share, _MAX_SHARE), 0),
+            "atRest": _rounded(np.minimum(100 * use.share_at_rest, _MAX_SHARE), 0),
+            "happens": use.cone.tolist(),
             "words": [cone.name for cone in use.holding.cones],
         }
-        for k, (use, shares, cones) in enumerate(contacts.values())
+        for k, use in enumerate(held_contacts(sections, time))
     ]
 
 
