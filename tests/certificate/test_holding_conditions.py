@@ -266,7 +266,7 @@ def test_no_wrench_lies_outside_its_enclosure(arm, name, width):
     part, trajectory = HeldPart(arm, Holding(CONTACTS[name], PART)), moving(arm, 1, width=width)
     time = np.random.default_rng(2).uniform(0, trajectory.duration, 500)
     states = states_of(trajectory, time)
-    for quantity in (part.at_speed, part.at_rest):
+    for quantity in (part.quantity(0), part.quantity(2)):
         for tolerance in (np.inf, 1e-3):
             wrench = enclosed(trajectory, quantity, np.full(6, tolerance))
             interval = np.searchsorted(wrench.start, time, "right") - 1

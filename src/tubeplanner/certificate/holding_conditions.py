@@ -98,9 +98,7 @@ class HeldPart:
         rate = rate.max(axis=0)
         with np.errstate(divide="ignore"):  # no cone minds some components
             tolerance = _ENCLOSURE / (6 * rate)
-        wrench = enclosed(
-            motion.trajectory, self.at_rest if is_at_rest else self.at_speed, tolerance
-        )
+        wrench = enclosed(motion.trajectory, self.quantity(0 if is_at_rest else 2), tolerance)
         wrench = replace(wrench, error=(wrench.error @ rate)[:, None])
         # Every cone is kept during the whole motion.
         every = [Visit(k, 0.0, motion.trajectory.duration) for k in range(len(self._cones))]
@@ -109,33 +107,24 @@ class HeldPart:
         location = Location(time=least.time, contact=what)
         return bracketed(least.lower_bound, least.attained, RELATIVE, location)
 
-    @property
-    def at_rest(self) -> Quantity:
-        """The wrench of the arm at rest, c = 6 [N, N m]."""
-
-        def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
-            gravity = float(np.linalg.norm(self._robot.gravity))
-            weight = self._mass * gravity * tool_majorant(self._robot, joints).axis
-            return np.stack([weight] * 3 + [self._lever * weight] * 3, axis=2)
-
-        return Quantity(0, self.wrench, majorant)
-
-    @property
-    def at_speed(self) -> Quantity:
-        """The wrench of the moving arm, c = 6 [N, N m]."""
+    def quantity(self, derivatives: int) -> Quantity:
+        """Return the wrench at rest, of 0 derivatives, or at speed, of 2; c = 6 [N, N m]."""
+        gravity = float(np.linalg.norm(self._robot.gravity))
 
         def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
             unit = tool_majorant(self._robot, joints).axis
-            center = point_majorant(self._robot, joints, self._body, self._reach)
-            rate = derivative(center, 2) / width**2
-            rate[0] += float(np.linalg.norm(self._robot.gravity))
-            force = self._mass * product(unit, rate)
-            # Of masses at both sides of the centre of mass, along the principal axes.
-            turning = product(unit, derivative(unit, 2) / width**2)
-            moment = self._lever * force + self._spread * turning
+            force = self._mass * gravity * unit
+            moment = self._lever * force
+            if derivatives:
+                center = point_majorant(self._robot, joints, self._body, self._reach)
+                pulled = self._mass * product(unit, derivative(center, 2)) / width**2
+                # Of masses at both sides of the centre of mass, along the principal axes.
+                turned = self._spread * product(unit, derivative(unit, 2)) / width**2
+                force = force[: len(pulled)] + pulled
+                moment = self._lever * force + turned[: len(pulled)]
             return np.stack([force] * 3 + [moment] * 3, axis=2)
 
-        return Quantity(2, self.wrench, majorant)
+        return Quantity(derivatives, self.wrench, majorant)
 
     def wrench(
         self, q: FloatArray, v: FloatArray | None = None, a: FloatArray | None = None

@@ -331,7 +331,7 @@ def highest_up_to_one(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]
 
 _STEP = 1e-3  # [s]: longest step, unless that makes too many
 _MIN_BRAKING_STEPS, _MAX_BRAKING_STEPS = 1000, 20_000
-_HELD_STARTS = 4  # each so many starts are of a stop that keeps held parts, which takes longer
+_HELD_STARTS = 4  # stops that keep held parts take longer: fewer are computed, for their time
 _TANGENT, _CHORD = 0.5, 1.0
 
 
@@ -373,10 +373,10 @@ def worst_braking(
     cones = _cones([HeldPart(robot, holding) for holding in holdings], steps, tolerance)
 
     def bound(
-        sides: FloatArray, kept: FloatArray, watched: FloatArray, starts: IntArray
+        sides: tuple[FloatArray, FloatArray, FloatArray], starts: IntArray
     ) -> tuple[BrakingBound, bool]:
         with np.errstate(divide="ignore", invalid="ignore"):  # a side that nothing takes from
-            time, distance, leaves = _rests(sides, kept, watched, width, length, starts)
+            time, distance, leaves = _rests(*sides, width, length, starts)
         # Braking that begins between two starts runs on to the next of these.
         time[1:] += np.add.reduceat(width, starts)[:-1]
         distance[1:] += np.add.reduceat(length, starts)[:-1]
@@ -387,7 +387,7 @@ def worst_braking(
         return BrakingBound(float(time.max()), float(distance[worst]), where), leaves
 
     none = cones[:, :, :, :0]
-    steepest, drops = bound(table, none, cones, starts)
+    steepest, drops = bound((table, none, cones), starts)
     numbers = steepest.time, steepest.distance, steepest.where
     if not drops:
         return Braking(*numbers, *((drops, steepest) if holdings else ()))
@@ -396,7 +396,7 @@ def worst_braking(
     still, growth, turn = cones[:, :, :, is_flat, 3]
     sides_kept = np.concatenate([table, [still, 0 * still, -growth, -turn]], axis=3)
     kept = sides_kept, cones[:, :, :, ~is_flat], none
-    return Braking(*numbers, drops, bound(*kept, starts[::_HELD_STARTS])[0])
+    return Braking(*numbers, drops, bound(kept, starts[::_HELD_STARTS])[0])
 
 
 def _cones(parts: Sequence[HeldPart], steps: PathSteps, tolerance: float) -> FloatArray:
