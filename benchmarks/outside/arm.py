@@ -143,7 +143,8 @@ class Arm:
         tool = self._model.frames[self._model.getFrameId(self.tool_frame, pin.FrameType.BODY)]
         self._carry(fields.get("payload"), tool)
         offset = placement_of(fields.get("tool_offset") or {})
-        self.tool_joint, self._tool = tool.parentJoint, tool.placement * offset
+        self.tool_joint, self._frame = tool.parentJoint, tool.placement
+        self._tool = tool.placement * offset
         for solid in fields.get("attached") or []:
             geometry, placement = solid_geometry(solid, problem.folder, folders)
             place = tool.placement * placement
@@ -181,6 +182,21 @@ class Arm:
             rotation[k], position[k] = place.rotation, place.translation
         position += rotation @ self._tool.translation
         return rotation @ self._tool.rotation, position
+
+    def points(self, q: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return where points (P, 3) of the tool frame are, shape (N, P, 3) [m]."""
+        model, data, joint = self._model, self._data, self.tool_joint
+        carried = points @ self._frame.rotation.T + self._frame.translation
+        found = np.empty((len(q), *points.shape))
+        for k, row in enumerate(q @ self._follow.T + self._offset):
+            pin.forwardKinematics(model, data, row)
+            found[k] = carried @ data.oMi[joint].rotation.T + data.oMi[joint].translation
+        return found
+
+    @property
+    def gravity(self) -> np.ndarray:
+        """Gravity, shape (3,) [m/s^2]."""
+        return self._model.gravity.linear
 
     def tool_velocity(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the velocity of the tool centre point, shape (N, 3) [m/s]."""

@@ -19,6 +19,7 @@ from outside.distances import (
     signed_distance,
 )
 from outside.files import BadInput
+from outside.holding import judge_holding, read_holding
 from outside.problem import Distances, Problem, read_problem
 from outside.trajectory import Samples, Trajectory
 from outside.tube import CONDITIONS, Least, Visits, judge_points, judge_tube
@@ -119,6 +120,7 @@ class Judge:
         problem: What is asked.
         arm: Its arm.
         clearance: Which solids must stay apart.
+        holding: What the tool must not lose.
     """
 
     def __init__(self, given: str | Path | Problem) -> None:
@@ -132,6 +134,7 @@ class Judge:
             self.arm = Arm(self.problem)
             _require_names(self.problem, self.arm)
             self.clearance = Clearance(self.problem, self.arm, obstacles_of(self.problem))
+            self.holding = read_holding(self.problem.holding)
         except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
             where = "" if isinstance(given, Problem) else f"{given}: "
             raise BadInput(f"{where}{type(error).__name__}: {error}") from error
@@ -145,6 +148,7 @@ class Judge:
         trajectory = trajectory.ordered(self.arm.joint_names)
         samples = trajectory.samples(count)
         found = judge_limits(self.arm, trajectory, samples)
+        found["holding"] = judge_holding(self.holding, self.arm, trajectory, samples)
         checked = self.clearance.obstacle_pairs, self.clearance.link_pairs
         required = Required(self.problem, self.arm, *checked, trajectory)
         in_tube, visits = self._tube(trajectory, samples, required)

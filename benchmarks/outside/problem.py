@@ -17,13 +17,14 @@ SOLID |= {"position", "rpy", "quaternion"}
 LIMITS = {"effort", "velocity", "position", "acceleration", "jerk", "effort_rate", "scale"}
 LIMITS |= {"tool_speed", "position_margin"}
 LIMITS |= {"velocity_by_position", "point_speed"}
+LIMITS |= {"velocity_tolerance"}  # of simulated runs: nothing that a trajectory must keep
 MOTORS = {"armature", "viscous_friction", "coulomb_friction", "saturation_effort"}
 MOTORS |= {"no_load_velocity", "friction_from_urdf", "friction_uncertainty"}
 ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
 ROBOT |= {"base", "gravity", "payload", "attached", "limits", "motors", "preset", "limits_file"}
 ROBOT |= {"xacro_args"}  # of an .xacro file, which the judge does not read
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
-TOP |= {"contacts"}
+TOP |= {"contacts", "holding"}
 BALL = {"position", "tolerance", "rotation_tolerance"}
 POSE = {"position", "rpy", "quaternion"}
 
@@ -94,6 +95,7 @@ class Problem:
         distances: What is asked of distances between solids.
         checks_links: Whether links are held against each other.
         ignored: Pairs of names that may touch.
+        holding: Its section `holding`, not looked into.
     """
 
     folder: Path
@@ -105,6 +107,7 @@ class Problem:
     distances: Distances
     checks_links: bool
     ignored: list[tuple[str, str]]
+    holding: Any = None
 
 
 def read_problem(path: Path) -> Problem:
@@ -163,6 +166,7 @@ def problem_of(fields: Any, folder: Path) -> Problem:
         distances,
         bool(collision.get("self", True)),
         [(first, second) for first, second in collision.get("ignore") or []],
+        fields.get("holding"),
     )
 
 
