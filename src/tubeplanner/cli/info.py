@@ -21,6 +21,7 @@ from tubeplanner.geometry.solids import AttachedSolid, Obstacle, open_meshes
 from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS
 from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
 from tubeplanner.output.figures.robot_figure import plot_robot
+from tubeplanner.output.link_visuals import solids_at_tool
 from tubeplanner.resources import EXAMPLE_PREFIX
 from tubeplanner.robot.info import (
     INFO_LIMITS,
@@ -94,7 +95,7 @@ def info(
             problem = None if isinstance(contents, RobotInfo) else contents.problem
 
             def drawn(path: Path) -> bytes:
-                solids = () if problem is None else (problem.obstacles, problem.attached)
+                solids = () if problem is None else (problem.obstacles, solids_at_tool(problem))
                 figure = plot_robot(arm, shown_configuration(arm, problem), None, *solids)
                 picture = figure_file(figure, path)
                 enter("writing")
