@@ -37,6 +37,7 @@ from tubeplanner.first_guess.segment_walk import (
     rotation_text,
     wanted_at,
 )
+from tubeplanner.first_guess.upright import holds, kept_upright
 from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanningClock, PlanStatus
 from tubeplanner.task.endpoints import Endpoint, GoalRegion, ToolPose
@@ -247,6 +248,7 @@ def _explain_rotated_end(
 
 _POINTS_PER_SEGMENT = 21
 _ROTATION_ERROR = 1e-6  # [rad]
+_MAX_PARTS = 8  # of a line on which held parts would be lost at rest
 _AROUND = 0.5  # [rad or m]: how far joints are moved to find another configuration
 _OPEN_GOAL_TOLERANCE = 1e-7  # [m] of the tool from an open goal
 
@@ -267,8 +269,26 @@ def joint_lines(problem: PlanningProblem) -> ReferenceBranch:
         corners.append(_corner(problem, k, near))
     if goal is not None:
         corners.append(goal)
+    return ReferenceBranch(
+        tuple(_line(problem, k, *each) for k, each in enumerate(pairwise(corners)))
+    )
+
+
+def _line(
+    problem: PlanningProblem, segment: int, a: FloatArray, b: FloatArray, parts: int = _MAX_PARTS
+) -> FloatArray:
+    """Return configurations (P, n) on a line from a to b (n,), in parts that hold what is held."""
     fraction = np.linspace(0, 1, _POINTS_PER_SEGMENT)[:, None]
-    return ReferenceBranch(tuple((1 - fraction) * a + fraction * b for a, b in pairwise(corners)))
+    line: FloatArray = (1 - fraction) * a + fraction * b
+    if parts == 1 or holds(problem, line):
+        return line
+    tool, near = problem.robot.tool_position(np.array([a, b])).mean(axis=0), (a + b) / 2
+    bounds = problem.joint_lower[segment], problem.joint_upper[segment]
+    rotation = wanted_at(problem, tool, segment)
+    middle = solve_position(problem.robot, tool, near, *bounds, rotation=rotation).q
+    halves = (_line(problem, segment, *each, parts // 2) for each in ((a, middle), (middle, b)))
+    first, second = halves
+    return np.vstack([first, second[1:]])
 
 
 def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
@@ -308,6 +328,7 @@ class KnownBranches:
 
     def __init__(self, problem: PlanningProblem, clock: PlanningClock) -> None:
         self._problem, self._clock = problem, clock
+        self._narrower: tuple[PlanningProblem, ...] | None = None
         self._cached: dict[str, ReferenceBranch | Infeasible] = {}
         self._ends: FloatArray | Infeasible | None = None
 
@@ -325,6 +346,7 @@ class KnownBranches:
         """Return the same branches for work under another clock."""
         same = KnownBranches(self._problem, clock)
         same._cached, same._ends = self._cached, self._ends
+        same._narrower = self._narrower
         return same
 
     def require_ends(self) -> FloatArray:
@@ -358,14 +380,14 @@ class KnownBranches:
             Infeasible: The branch ends before the goal, its start or given goal is in collision,
                 or the time limit has passed.
         """
-        search = partial(reference_branch, self._problem, rule, self._clock.check)
+        search = partial(reference_branch, rule=rule, checkpoint=self._clock.check)
         return self._once(rule, "inverse kinematics along the reference path", search)
 
     def position_only(self) -> ReferenceBranch:
         """Return a branch whose tool need not keep the rotation tolerance."""
         rule = redundancy_rules(self._problem)[0]
         search = partial(
-            reference_branch, self._problem, rule, self._clock.check, with_rotation=False
+            reference_branch, rule=rule, checkpoint=self._clock.check, with_rotation=False
         )
         return self._once(
             "position only", "inverse kinematics of the tool's position alone", search
@@ -373,19 +395,24 @@ class KnownBranches:
 
     def joint_lines(self) -> ReferenceBranch:
         """Return joint lines between the reference points; the tool may leave the tube."""
-        search = partial(joint_lines, self._problem)
-        return self._once("joint lines", "inverse kinematics at the reference points", search)
+        return self._once("joint lines", "inverse kinematics at the reference points", joint_lines)
 
     def _once(
-        self, name: str, stage: str, search: Callable[[], ReferenceBranch]
+        self, name: str, stage: str, search: Callable[[PlanningProblem], ReferenceBranch]
     ) -> ReferenceBranch:
-        self.require_ends()
+        """Return the branch of a search, of a tool that holds its parts at rest if there is one."""
+        ends = self.require_ends()
         if name not in self._cached:
             self._clock.enter(stage)
-            try:
-                self._cached[name] = search()
-            except Infeasible as reason:
-                self._cached[name] = reason
+            if self._narrower is None:
+                narrower = kept_upright(self._problem, ends[0], *ends[1:])
+                self._narrower = () if narrower is None else (narrower,)
+            for problem in (*self._narrower, self._problem):
+                try:
+                    self._cached[name] = search(problem)
+                    break
+                except Infeasible as reason:
+                    self._cached[name] = reason
         result = self._cached[name]
         if isinstance(result, Infeasible):
             raise result

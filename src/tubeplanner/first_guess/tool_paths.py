@@ -11,6 +11,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.first_guess.branches import ReferenceBranch
 from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.first_guess.segment_walk import explain_error
+from tubeplanner.first_guess.upright import upright_cone
 from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.robot.model import RobotModel
@@ -256,6 +257,8 @@ class _Follower:
         self._problem, self._branch, self._curve = problem, branch, curve
         self._route = _route(problem, branch)
         self._before = arc_lengths(self._route)
+        is_lost = problem.holding and upright_cone(problem, branch.start[None]) is not None
+        self._keeps_rotation = problem.rotation is not None or is_lost
 
     def path(self) -> ToolPath:
         # A table of the branch's configurations beside the curve.
@@ -312,9 +315,9 @@ class _Follower:
         return self._problem.tube.segment_number(segment, tool)
 
     def _on_curve(self, table: FloatArray) -> FloatArray:
-        """Return a table with its tools moved onto the curve, orientation kept if bounded."""
+        """Return a table with its tools moved onto the curve, orientation kept if it matters."""
         problem, result, rotation = self._problem, table.copy(), None
-        if problem.rotation is not None:
+        if self._keeps_rotation:
             rotation, _ = problem.robot.tool_pose(table[:, :-1])
         points, segments = self._curve.point(table[:, -1]), self._segment(table[:, -1])
         for i, (point, k) in enumerate(zip(points, segments, strict=True)):

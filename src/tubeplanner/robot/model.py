@@ -228,6 +228,10 @@ class RobotModel:
         """Return this arm with other motors, rotor inertias included."""
         return RobotModel(**self._given() | {"motors": motors})
 
+    def with_tool_offset(self, tool_offset: ToolOffset) -> "RobotModel":
+        """Return this arm with another tool centre point."""
+        return RobotModel(**self._given() | {"tool_offset": tool_offset})
+
     def in_root_frame(self) -> "RobotModel":
         """Return this arm with the frame of its root link as base frame; itself if without base."""
         if self.base is None:

@@ -436,7 +436,14 @@ def rest_margins(robot: RobotModel, holdings: Sequence[Holding], q: FloatArray) 
     """
     rotation, _ = robot.tool_pose(q)
     frame = rotation @ robot.tool_offset.placement[:3, :3].T
-    gravity = -robot.gravity @ frame  # of the tool less gravity, in tool_frame
+    return margins_against(holdings, -robot.gravity @ frame)
+
+
+def margins_against(holdings: Sequence[Holding], gravity: FloatArray) -> FloatArray:
+    """Return the margins of `rest_margins`, (N, J), by the tool's accelerations at rest.
+
+    Less gravity and in the tool frame's axes: they point upwards, shape (N, 3) [m/s^2].
+    """
     margins = []
     for holding in holdings:
         force = holding.mass_properties.mass * gravity
@@ -444,7 +451,7 @@ def rest_margins(robot: RobotModel, holdings: Sequence[Holding], q: FloatArray) 
         moment = np.cross(lever, force)
         wrench = np.hstack([force @ holding.axes, moment @ holding.axes])
         margins += [cone.margin(wrench) for cone in holding.cones]
-    return np.reshape(margins, (-1, len(q))).T
+    return np.reshape(margins, (-1, len(gravity))).T
 
 
 def loss_at_rest(robot: RobotModel, holdings: Sequence[Holding], q: FloatArray) -> str | None:
