@@ -8,7 +8,7 @@ from placed_problem import bundled_fields
 from scipy.optimize import linprog
 from small_cycle import small_cycle
 
-from tubeplanner import Payload, parse_problem
+from tubeplanner import Payload, PlanOptions, parse_problem, plan_cycle
 from tubeplanner.errors import ProblemError
 from tubeplanner.output.files.fingerprint import differing_parts, part_hashes, task_hash
 from tubeplanner.task.holding import Cup, Gripper, Holding, Liquid, Tray
@@ -270,7 +270,7 @@ def test_hashes_differ_with_what_is_held_and_stay_without():
     assert len({task_hash(each) for each in (without, held, firmer)}) == 3
     assert differing_parts(held, part_hashes(without)) == ["holding"]
     assert task_hash(_read({"part": _HELD, "cup": _CUP})) == task_hash(held)
-    assert repr(held).endswith(", held by a cup>")
+    assert repr(held).endswith(", holding: cup>")
 
 
 # ---- Cycles.
@@ -307,3 +307,14 @@ def test_a_move_holds_what_its_own_field_says():
     assert [len(cycle.problem_from_anywhere(k).holding) for k in range(3)] == [0, 1, 0]
     with pytest.raises(ProblemError, match=r"pass_through: holding differs from the move's before"):
         small_cycle(moves__3__holding=held)
+
+
+def test_a_cycle_holds_what_it_carries():
+    # Weaker fingers take longer, 50 N hardly so.
+    durations = []
+    for force in (12, 50):
+        cycle = small_cycle(moves__2__holding={"gripper": _GRIP | {"force": force}})
+        result = plan_cycle(cycle, PlanOptions(quality="fast", slack=0.0))
+        assert result.succeeded, result.message
+        durations.append(result.duration)
+    assert durations[1] < durations[0] < 1.05 * durations[1]

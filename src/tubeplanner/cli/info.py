@@ -36,6 +36,7 @@ from tubeplanner.studies.tubes.starter_problem import shown_configuration
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import is_cycle_file
 from tubeplanner.task.endpoints import Endpoint
+from tubeplanner.task.holding import Holding
 from tubeplanner.task.info import SrdfInfo, TaskInfo, cycle_info, problem_info, with_doubts
 from tubeplanner.task.legs import Stop, stop_text
 from tubeplanner.task.problem import PlanningProblem
@@ -346,7 +347,15 @@ def _task_lines(problem: PlanningProblem) -> list[str]:
         lines.append(f"contact at {ends}: {names}, within {contact.within:g} m")
     if payload is not None:
         lines.append(f"payload: {payload.mass:g} kg at {list(payload.com)} m of the tool frame")
-    return lines
+    return lines + [f"holding: {_held_text(each)}" for each in problem.holding]
+
+
+def _held_text(holding: Holding) -> str:
+    """Return kind and numbers of what holds a part, and the part's mass."""
+    numbers = {key: np.ravel(value) for key, value in vars(holding.contact).items()}
+    text = ", ".join(f"{key} {' '.join(f'{x:g}' for x in row)}" for key, row in numbers.items())
+    mass = holding.mass_properties.mass
+    return f"{holding.kind} ({text})" + (f": {mass:g} kg" if holding.kind != "liquid" else "")
 
 
 def bare(solid: object) -> str:
@@ -437,6 +446,7 @@ def _step_table(cycle: Cycle) -> str:
             payload, solids = leg.robot.payload, cycle.problem_from_anywhere(k).attached
             carried = [] if payload is None else [f"{payload.mass:g} kg"]
             carried += [solid.name for solid in solids]
+            carried += [f"by {holding.kind}" for holding in leg.holding]
             table.add_row(*cells, ends, escape(", ".join(carried) or "nothing"))
     _add_stop(table, cycle.after)
     return rendered(table)

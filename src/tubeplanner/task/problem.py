@@ -144,7 +144,7 @@ class PlanningProblem:
     def __repr__(self) -> str:
         robot, solids = self.robot, len(self.obstacles)
         kinds = [end.kind for end in self.endpoints]
-        held = "".join(f", held by a {each.kind}" for each in self.holding)
+        held = "".join(f", holding: {each.kind}" for each in self.holding)
         return (
             f"<PlanningProblem {self.name}: {robot.joint_count} joints of {robot.name} to "
             f"{robot.tool_frame}, {self.tube.segment_count} segments, {solids} "
