@@ -27,7 +27,7 @@ from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.holding import ContactKind, Cup, Holding, Liquid, Tray
 
 SHORTEST = PlanOptions(slack=0.0)
-UP = (0.0, 0.0, -1.0)  # the level tray's tool points down, what stands on it is above
+UP = (0.0, 0.0, 1.0)  # of the level tray
 LEVEL, LEVEL_TILT = "ur5/level_tray", 0.0524
 CUPS = ("ur5/over_the_wall", "ur10/onto_a_conveyor", "panda/between_shelves")
 TILTS = (0.2, 3.0, 5.0, 15.0, 30.0)  # [deg]
@@ -73,7 +73,7 @@ def tilted(label: str, tilt: float, kind: str) -> Case:
         return Case(f"{label}, {kind}", problem, (surface, surface), None)
     friction = float(kind.split()[1])
     trays = tuple(Tray(friction, (0.04, 0.04), safety=safety, normal=UP) for safety in (1.0, 1.2))
-    return Case(f"{label}, {kind}", problem, trays, Payload(1.0, (0.0, 0.0, -0.05)))
+    return Case(f"{label}, {kind}", problem, trays, Payload(1.0, (0.0, 0.0, 0.05)))
 
 
 def planned(problem: PlanningProblem) -> tuple[float | None, float]:

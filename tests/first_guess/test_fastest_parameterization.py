@@ -291,8 +291,8 @@ def test_a_part_on_a_tray_is_slid_by_no_more_than_friction(slide):
 def test_a_curve_is_run_on_the_edge_of_its_cones(bundled):
     """At every step some limit is used, none by more than a ten-thousandth too much."""
     problem = bundled("ur5/level_tray")
-    tray = Tray(0.5, 0.02, normal=(0, 0, -1), safety=1.0)
-    holding = (Holding(tray, Payload(1.0, (0.0, 0.0, -0.05))),)
+    tray = Tray(0.5, 0.02, safety=1.0)
+    holding = (Holding(tray, Payload(1.0, (0.0, 0.0, 0.05))),)
     problem = replace(problem, holding=holding)
     tool = [1.0, -0.6, 0.0, 0.6, 0.0, 1.0]  # the wrist keeps the tray level
     spline = CubicSpline([0, 0.4, 1], problem.start + np.outer([0, 0.5, 0.2], tool))

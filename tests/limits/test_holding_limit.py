@@ -13,13 +13,13 @@ from tubeplanner.robot.pinocchio_model import Payload, ToolOffset
 from tubeplanner.task.holding import Cup, Gripper, Holding, Liquid, Tray
 
 STEP = 1e-3
-DOWN = (0.1, 0.05, -1.0)  # the level tray's tool points down
+UP = (0.1, 0.05, 1.0)  # nearly: the level tray's tool points up
 CONTACTS = {
-    "cup": Cup(42.4, 0.015, 0.5, position=(0, 0.01, 0.02), normal=(0.2, 0, 1)),
-    "tray": Tray(0.5, (0.06, 0.04), safety=1.0, position=(0, 0, 0.01), normal=DOWN),
-    "disc": Tray(0.5, 0.03, safety=1.0, normal=DOWN),
+    "cup": Cup(42.4, 0.015, 0.5, position=(0, 0.01, -0.02), normal=(0.2, 0, -1)),
+    "tray": Tray(0.5, (0.06, 0.04), safety=1.0, position=(0, 0, 0.01), normal=UP),
+    "disc": Tray(0.5, 0.03, safety=1.0, normal=UP),
     "gripper": Gripper(60.0, 0.5, (0.02, 0.03)),
-    "liquid": Liquid(0.4, normal=DOWN),
+    "liquid": Liquid(0.4, normal=UP),
 }
 PART = Payload(0.8, (0.004, -0.002, 0.03), (0.004, 0.005, 0.006, 3e-4, 2e-4, 1e-4))
 
@@ -39,9 +39,7 @@ def level():
 def held(problem, name):
     contact = CONTACTS[name]
     part = Payload(PART.mass, tuple(np.array(PART.com) * (1, 1, -1)), PART.inertia)
-    return replace(
-        problem, holding=(Holding(contact, PART if name in ("cup", "gripper") else part),)
-    )
+    return replace(problem, holding=(Holding(contact, part if name == "cup" else PART),))
 
 
 def motions(problem, count=30):

@@ -21,8 +21,8 @@ DURATION, TIMES = 0.9, np.array([0.0, 0.45, 1.0])
 @pytest.fixture(scope="module")
 def carrying():
     problem = t.load_problem("example:ur5/level_tray")
-    tray = Tray(0.4, (0.05, 0.04), safety=1.0, normal=(0, 0, -1))
-    part = Payload(1.0, (0.0, 0.0, -0.05))
+    tray = Tray(0.4, (0.05, 0.04), safety=1.0)
+    part = Payload(1.0, (0.0, 0.0, 0.05))
     return replace(problem, holding=(Holding(tray, part),))
 
 

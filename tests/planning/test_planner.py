@@ -52,7 +52,7 @@ BEST = {
     "two_link/paper_5_10mm": 1.00817,
     "two_link/paper_5_50mm": 0.95534,
     "ur5/over_the_wall": 0.49888,
-    "ur5/level_tray": 0.65726,
+    "ur5/level_tray": 0.66540,
     "ur10/onto_a_conveyor": 0.82789,
     "panda/between_shelves": 0.58605,
     "xarm7/from_crate_to_crate": 0.48494,

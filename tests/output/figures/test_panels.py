@@ -179,10 +179,9 @@ def test_efforts_by_direction_are_drawn_over_time_where_they_are_less(curves):
 
 def test_the_panel_of_held_parts_shows_what_each_contact_carries(stored):
     problem, trajectory = stored("ur5/level_tray", "refinement")
-    up = {"normal": (0, 0, -1)}  # the tool points down
     contacts = (
-        Holding(Tray(0.6, 0.03, **up), Payload(0.5, (0, 0, -0.06))),
-        Holding(Liquid(0.3, **up)),
+        Holding(Tray(0.6, 0.03), Payload(0.5, (0, 0, 0.06))),
+        Holding(Liquid(0.3)),
     )
     held = replace(problem, holding=contacts)
     fast, slow = (trajectory_curves(held, trajectory.scaled(factor)) for factor in (1.0, 6.0))
