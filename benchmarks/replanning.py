@@ -27,7 +27,8 @@ from tubeplanner.planning import result as plan_result
 
 MAX_LONGER, MIN_GAIN = 1.003, 1.3
 SHORTEST = PlanOptions().shortest
-NAMES = (*ARMS, *(paper_example(k, radius) for k in range(1, 6) for radius in (10, 50)))
+HELD = ("ur5/waiter", "ur10/suction_cup")
+NAMES = (*ARMS, *HELD, *(paper_example(k, radius) for k in range(1, 6) for radius in (10, 50)))
 Document = dict[str, Any]
 judge, spent = plan_result.verify, [0.0]
 
@@ -93,6 +94,27 @@ def scaled_limit(quantity: str, factor: float) -> Callable[[Document], None]:
     return change
 
 
+def scaled_tilt(factor: float) -> Callable[[Document], None]:
+    """Return a change of all rotation tolerances; KeyError without some."""
+
+    def change(data: Document) -> None:
+        data["tube"]["rotation_tolerance"] = (
+            factor * np.array(data["tube"]["rotation_tolerance"])
+        ).tolist()
+
+    return change
+
+
+def scaled_hold(factor: float) -> Callable[[Document], None]:
+    """Return a change of a cup's force or a tray's friction; KeyError without a held part."""
+
+    def change(data: Document) -> None:
+        contact, name = ("cup", "force") if "cup" in data["holding"] else ("tray", "friction")
+        data["holding"][contact][name] *= factor
+
+    return change
+
+
 NEAR = {
     "none": lambda data: None,
     "radius +10 %": scaled_radius(1.1),
@@ -102,6 +124,9 @@ NEAR = {
     "payload +0.5 kg": heavier(0.5),
     "velocity -20 %": scaled_limit("velocity", 0.8),
     "effort -20 %": scaled_limit("effort", 0.8),
+    "tilt +50 %": scaled_tilt(1.5),
+    "hold -10 %": scaled_hold(0.9),
+    "hold +10 %": scaled_hold(1.1),
 }
 FAR = {
     "radius x 2": scaled_radius(2.0),
@@ -110,6 +135,7 @@ FAR = {
     "goal by 10 cm": moved_goal(0.1),
     "effort / 2": scaled_limit("effort", 0.5),
     "payload +2 kg": heavier(2.0),
+    "tilt x 10": scaled_tilt(10.0),
 }
 
 
@@ -168,9 +194,11 @@ def compared(
     data = document(name)
     first = changed(data, NEAR["none"])
     for what, change in changes.items():
-        if change is moved_obstacle and "obstacles" not in data:
+        try:
+            other = changed(data, change)
+        except KeyError:  # nothing to change
             continue
-        longer, costs, again = in_turns(first, changed(data, change), repeats)
+        longer, costs, again = in_turns(first, other, repeats)
         gains = costs[0] / costs[1], costs[2] / costs[3]
         how = "" if is_continued(again) else f"afresh: {again.status}"
         times = " ".join(f"{1e3 * cost:7.0f}" for cost in costs[:2])
