@@ -67,7 +67,8 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "_chord_distance": [("spin + reference_angle * rate", "spin"), ("/ 8 + jump", "/ 8")],
     "_Search._lower_bounds": [("distance - less[batch]", "distance")],
     "_point_velocity": [("location = rotation[:, body] @ in_body[:3] + ", "location = ")],
-    "ToolSpeedMargin._speed": [("np.linalg.norm(velocity, axis=1)", "abs(velocity[:, 1])")],
+    "ToolRateMargin._norm": [("self._quantity.derivatives + 1", "self._quantity.derivatives")],
+    "_acceleration": [("2 * carried + turning", "carried + turning")],
     # Simulation
     "Plant.displaced": [("rotation @ self.tool", "self.tool"), (" + self.base", "")],
     "ComputedTorque.effort": [(" + self._plan.friction[k]", "")],

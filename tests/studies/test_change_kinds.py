@@ -415,6 +415,15 @@ def test_loose_ends_are_a_start_by_joints_and_a_goal_within_a_tolerance(goal):
     assert both.kind == "ends"
 
 
+def test_limits_of_the_tool_are_changed_where_a_duration_is_required():
+    fields = {"robot.limits.tool_acceleration": 20}
+    assert not [c for c in limit_changes(asked(fields)) if c.kind.startswith("tool_")]
+    question = asked({**fields, "objective": {"minimise": "smoothness", "duration": 2.0}})
+    change = the(limit_changes(question), "robot.limits.tool_acceleration")
+    assert change.propose(5.0).text == "robot.limits.tool_acceleration: 20 -> 25 m/s^2"
+    assert made(question, change, 5.0).robot.limits.tool_acceleration == 25.0
+
+
 PART = {"mass": 1.2, "com": [0.0, 0.0, 0.03]}
 CUP = {"part": PART, "cup": {"force": 42.4, "radius": 0.015, "friction": 0.5}}
 TRAY = {"part": PART, "tray": {"friction": 0.3, "foot": [0.04, 0.06]}}

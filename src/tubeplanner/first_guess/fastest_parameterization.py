@@ -21,7 +21,7 @@ from tubeplanner.limits.path_samples import (
     SpeedLimit,
     directed_friction,
 )
-from tubeplanner.limits.rates import ToolSpeed
+from tubeplanner.limits.rates import ToolAcceleration, ToolSpeed
 from tubeplanner.limits.speed_limits import largest_speeds, speed_limits
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -154,6 +154,13 @@ def _rows(
     speeding_up = PathSamples(problem, np.stack([q, slope, bend + slope]), friction=friction)
     parts, round_or_flat = [], []
     for limit in limits:
+        if isinstance(limit, ToolAcceleration):
+            allowed = limit.limit[_loosest(steady, limit.limit)][:, None]
+            ball = [limit.vectors(at)[0] / allowed for at in (steady, speeding_up)]
+            ball = [ball[1] - ball[0], ball[0], np.zeros_like(ball[0])]
+            round_or_flat.append(np.stack([np.pad(x, ((0, 0), (0, 1))) for x in ball])[:, :, None])
+            round_or_flat[-1][2, :, :, 3] = 1.0
+            continue
         used = limit.used(steady)
         if (used.largest_speed(limit.signs) == 0).any():
             raise limit.refusal(steady)
@@ -210,9 +217,9 @@ def fastest_parameterization(
 ) -> JointTrajectory | None:
     """Return a path's fastest time parameterization: arc length over time, from rest to rest.
 
-    It keeps the limits of velocities, acceleration, effort, motors and tool speed at points of the
+    It keeps the limits of velocities, acceleration, effort, motors and the tool at points of the
     path and may exceed them in between; jerk is unlimited, so it is not smooth. Where the tool is
-    in several segments, the loosest of their limits on its speed counts.
+    in several segments, the loosest of their limits on its speed and acceleration counts.
 
     Limits with viscous friction and torque-speed lines depend on the root of the squared rate that
     is solved for. Tangents of that root replace it, each at the last solution, until the time
@@ -287,15 +294,17 @@ def _largest_rates(
     """Return the largest rates of the arc length under limits of velocities, (N,) [1/s]."""
     limits = tuple(limit for limit in speed_limits(problem) if limit.order == _SPEEDS)
     in_segment = ToolSpeed(problem).limit
-
-    def loosest() -> IntArray:
-        inside = problem.tube.margin(at.tool_pose[1])
-        counts = inside >= np.minimum(-_INSIDE, inside.max(axis=1, keepdims=True))
-        return np.where(counts, in_segment, -np.inf).argmax(axis=1)
-
     q, slope = path.position(arc_length), path.velocity(arc_length)
-    at = PathSamples(problem, np.stack([q, slope, np.zeros_like(q)]), loosest)
+    state = np.stack([q, slope, np.zeros_like(q)])
+    at = PathSamples(problem, state, lambda: _loosest(at, in_segment))
     return largest_speeds(at, limits)
+
+
+def _loosest(at: PathSamples, in_segment: FloatArray) -> IntArray:
+    """Return the segment with the largest of limits (m,) of those that a sample is in, (N,)."""
+    inside = at.problem.tube.margin(at.tool_pose[1])
+    counts = inside >= np.minimum(-_INSIDE, inside.max(axis=1, keepdims=True))
+    return np.where(counts, in_segment, -np.inf).argmax(axis=1)
 
 
 def _unit(arc_length: FloatArray, limits: Sequence[PathRows]) -> float:
@@ -413,7 +422,10 @@ def _corners(x: FloatArray, side: float, up: FloatArray, down: FloatArray) -> Fl
             return None
         step = width[outside] / slope[outside]
         rows = rows[outside]
+        # Where large terms cancel, the width never comes to zero: then x stands still.
+        moves = abs(step) > _ROUNDING * abs(x[rows])
         x[rows] -= step
+        rows = rows[moves]
     return np.column_stack([x, y])
 
 

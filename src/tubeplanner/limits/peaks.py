@@ -9,6 +9,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.holding import GRAVITY
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.trajectory.parts import STILL_FRACTION, monotone_intervals
 from tubeplanner.trajectory.polynomials import peak_magnitudes
@@ -147,8 +148,11 @@ class Peak:
     joint: str | None = None
 
     def __str__(self) -> str:
-        owner = "" if self.joint is None else f"{self.joint}, "
+        """Return value, unit, joint and time; of the tool's acceleration also gravities."""
+        of_tool = f"{self.value / GRAVITY:.2g} g" if self.unit == "m/s^2" else None
+        beside = of_tool if self.joint is None else self.joint
         figure = f"{self.value:.3g}" if self.value < _WHOLE else f"{self.value:,.0f}"
+        owner = "" if beside is None else f"{beside}, "
         return f"{figure} {self.unit} ({owner}t = {self.time:.4f} s)"
 
 

@@ -351,9 +351,9 @@ class Sensitivity:
 
     Attributes:
         limit: "effort" and "effort_rate" (both directions together), "velocity", "acceleration",
-            "jerk", "velocity_by_position", "tool_speed", "point_speed", "radius", "rotation",
-            "width" or "height" of a box, "tolerance" or "rotation_tolerance" of the goal, or
-            "holding".
+            "jerk", "velocity_by_position", "tool_speed", "tool_acceleration", "point_speed",
+            "radius", "rotation", "width" or "height" of a box, "tolerance" or "rotation_tolerance"
+            of the goal, or "holding".
         joint: Name of the joint; None for a limit of a segment, a point or the goal.
         segment: Number of the segment, or of the first of joined ones; None for others.
         elasticity: d ln T / d ln limit: the relative change of the duration per relative rise of

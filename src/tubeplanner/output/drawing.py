@@ -45,6 +45,7 @@ BINDING_STYLES = {
     "acceleration": BindingStyle("#009E73", "\\\\\\\\", "white"),
     "jerk": BindingStyle("#CC79A7", "xxxx", "black"),
     "tool_speed": BindingStyle("#003F66", "oooo", "white"),
+    "tool_acceleration": BindingStyle("#00694F", "oooo", "white"),
     "point_speed": BindingStyle("#8FC7EE", "oooo", "black"),
     "holding": BindingStyle(HOLDING_COLOR, "----", "white"),
     "position": BindingStyle("#F0E442", "||||", "black"),

@@ -377,6 +377,7 @@ def limit_changes(question: Question) -> Iterator[Change]:
     yield from effort_changes(question, 1)
     yield from payload_changes(question, -1)
     yield from holding_changes(question, 1)
+    yield from tool_limit_changes(question, 1)
     robot, own = question.robot, question.fields.robot.limits.position
     lower, upper = _own_positions(robot.limits)
 
@@ -445,6 +446,28 @@ def effort_changes(question: Question, sign: int) -> Iterator[Change]:
         changes = partial(changed, joint, before, value)
         more: dict[str, Any] = {"about": frozenset({joint}), "is_of_robot": value is None}
         yield Change.of_number("effort", *number, changes=changes, says_more=sign > 0, **more)
+
+
+def tool_limit_changes(question: Question, sign: int) -> Iterator[Change]:
+    """Yield the changes of limits on the tool's speed and acceleration, more (1) or less (-1).
+
+    Without a required duration, a slower motion keeps any of them: there is none then.
+    """
+    fields = question.fields
+    if fields.objective is None or fields.objective.duration is None:
+        return
+    for name, unit in (("tool_speed", "m/s"), ("tool_acceleration", "m/s^2")):
+        values = {f"robot.limits.{name}": getattr(question.robot.limits, name)}
+        of_tube = getattr(fields.tube, name)
+        if isinstance(of_tube, list):
+            values |= {f"tube.{name}.{k}": value for k, value in enumerate(of_tube)}
+        else:
+            values[f"tube.{name}"] = of_tube
+        for path, value in values.items():
+            if value is not None and np.isfinite(value):
+                is_of_robot = path.startswith("robot") and not getattr(fields.robot.limits, name)
+                number = (path, value, unit, sign, f"{path}:")
+                yield Change.of_number(name, *number, is_of_robot=is_of_robot)
 
 
 def _own_positions(limits: JointLimits) -> tuple[list[float], list[float]]:

@@ -52,7 +52,7 @@ _LEFT_OUT = (
     (),
     ("joint_signs",),
     ("orientations", "rotation_tolerance"),
-    ("tool_radius", "tool_speed", "pass_through_points"),
+    ("tool_radius", "tool_speed", "tool_acceleration", "pass_through_points"),
 )
 
 
@@ -337,6 +337,15 @@ _KINDS = (
     (
         *("robot.limits.position_margin.", "", "position_margin of", "position_margin of joints"),
         "down to nothing",
+    ),
+    *(
+        (begin, "", one, several, "up to eleven times")
+        for name in ("tool_speed", "tool_acceleration")
+        for begin, one, several in (
+            (f"robot.limits.{name}", f"robot.limits.{name}", ""),
+            (f"tube.{name}", f"tube.{name}", ""),
+            (f"tube.{name}.", f"{name} of segment", f"{name} of segments"),
+        )
     ),
     ("robot.payload.mass", "", "payload", "", "down to nothing"),
     (

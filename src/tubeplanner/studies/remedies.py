@@ -16,6 +16,7 @@ from tubeplanner.studies.change_kinds import (
     obstacle_changes,
     payload_changes,
     radius_changes,
+    tool_limit_changes,
 )
 from tubeplanner.studies.changes import Change, Proposal, Question, rounded
 from tubeplanner.studies.problem_spec import ProblemSpec
@@ -475,6 +476,7 @@ def worsening_changes(question: Question) -> Iterator[Change]:
     yield from payload_changes(question, 1)
     yield from effort_changes(question, -1)
     yield from holding_changes(question, -1)
+    yield from tool_limit_changes(question, -1)
     yield from obstacle_changes(question)
 
 

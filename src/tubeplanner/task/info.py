@@ -216,8 +216,8 @@ def _segment(problem: PlanningProblem, k: int) -> dict[str, Any]:
     bound = None if tube.rotation is None else tube.rotation.bounds[k]
     columns = {name: getattr(tube, name) for name in SEGMENT_NUMBERS}
     numbers = {name: None if each is None else float(each[k]) for name, each in columns.items()}
-    if tube.tool_speed is None:
-        numbers["tool_speed"] = np.inf
+    for name in ("tool_speed", "tool_acceleration"):
+        numbers[name] = np.inf if numbers[name] is None else numbers[name]
     return {
         "number": tube.segment_number(k),
         "length": float(np.linalg.norm(tube.points[k + 1] - tube.points[k])),

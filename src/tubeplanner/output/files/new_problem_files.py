@@ -61,6 +61,7 @@ _WHY = {
 _NO_MASSES = "no effort is limited, as links lack their <inertial>"
 _WORDS = ("true", "false", "null")  # not text in YAML
 _GENTLE = (
+    "tool_acceleration: 20.0  # [m/s^2] of the tool centre point, gravity not counted",
     "acceleration: 10.0  # [rad/s^2] or [m/s^2], one number for all joints, a list or a map",
     "jerk: 500.0  # [rad/s^3] or [m/s^3]",
 )
@@ -128,7 +129,7 @@ def _limit_lines(starter: StarterProblem) -> list[str]:
         line
         for line in _GENTLE
         if (name := line.partition(":")[0]) not in starter.placeholders
-        and any(joint.limits[name].is_missing for joint in joints)
+        and any(joint.limits[name.removeprefix("tool_")].is_missing for joint in joints)
     ]
     why = "  ## without these a motion may be as abrupt as the motors allow"
     if not starter.placeholders:
@@ -215,7 +216,7 @@ def _as_yaml(value: Any) -> str:
 
 _TRAIL_KEYS = ("tube", "start", "goal")  # keys determined by a trail
 # Fields of a tube that stay beside a trail, and those that a trail gives.
-_KEPT = ("tool_radius", "tool_speed", "rotation_tolerance")
+_KEPT = ("tool_radius", "tool_speed", "tool_acceleration", "rotation_tolerance")
 _NEW = ("points", "radius", "cross_section", "joint_signs")
 _JOINTS = ("joints", "seed")
 _SAMPLES_PER_PIECE = 20  # of a trail that is a trajectory of ours

@@ -41,6 +41,7 @@ from tubeplanner.output.page.motion_scene import POINTER
 from tubeplanner.output.page.scene import Layer, Scene, ShownTrajectory, handed_over
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.holding import GRAVITY
 from tubeplanner.task.motion import CycleMotion, Motion, Task
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Move
@@ -461,7 +462,6 @@ def binding_marks(sections: Sequence[LimitedSection]) -> list[dict[str, Any]]:
 # ---- The verdict: certificate, peaks, payload, sources of limits, savings, version.
 
 _SOURCED = ("velocity", "effort", "acceleration", "jerk")
-_GRAVITY = 9.81  # [m/s^2]
 _MAX_SAVINGS = 3
 _HOUR = 3600.0  # [s]
 
@@ -489,7 +489,7 @@ def with_verdict(
         words = {
             "top": f"{peaks.tool_speed.value:.2f} m/s",
             "acceleration": f"{acceleration:.3g} m/s\u00b2",
-            "gravities": f"{acceleration / _GRAVITY:.2g} g",
+            "gravities": f"{acceleration / GRAVITY:.2g} g",
         }
         shown.append({**stated, **words})
     for stated, certificate in zip(shown, certificates, strict=False):

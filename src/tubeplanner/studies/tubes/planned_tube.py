@@ -12,6 +12,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import FormerName
 from tubeplanner.first_guess.joint_routes import FreeSpace
+from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.orientation import quaternion_of_matrix
 from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, StoppedBy
 from tubeplanner.planning.options import PlanOptions
@@ -112,14 +113,23 @@ def in_tube(
     segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]
     tube = reference_tube(problem.robot, corners.points, segments, band, radius)
     own, values = problem.tube, dict[str, Any](tool_radius=problem.tube.tool_radius)
-    if own.tool_speed is not None and len(set(own.tool_speed.tolist())) == 1:
-        values["tool_speed"] = own.tool_speed[0]
+    values |= common_tool_limits(own)
     if own.rotation_tolerance is not None and len(set(own.rotation_tolerance)) == 1:
         at_corners = np.vstack([*(line[:1] for line in corners.lines), corners.lines[-1][-1:]])
         rotations = problem.robot.tool_pose(at_corners)[0]
         values["orientations"] = quaternion_of_matrix(rotations).round(_DECIMALS)
         values["rotation_tolerance"] = [own.rotation_tolerance[0]] * len(segments)
     return problem.with_tube(replace(tube, **values), corners.parts[-1][-1])
+
+
+def common_tool_limits(tube: Tube) -> dict[str, Any]:
+    """Return the limits on the tool's speed and acceleration that all segments have, by name."""
+    limits = {name: getattr(tube, name) for name in ("tool_speed", "tool_acceleration")}
+    return {
+        name: float(values[0])
+        for name, values in limits.items()
+        if values is not None and (values == values[0]).all()
+    }
 
 
 def plan_under(

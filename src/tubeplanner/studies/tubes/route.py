@@ -32,6 +32,7 @@ from tubeplanner.studies.tubes.planned_tube import (
     PlannedTube,
     TubeAnswer,
     answer_of,
+    common_tool_limits,
     followed,
     measure_options,
     measured_plan,
@@ -251,7 +252,7 @@ class _RouteFinder:
 def free_problem(problem: PlanningProblem, route: FloatArray | None = None) -> PlanningProblem:
     """Return a problem with the tool free from start to goal, and a route (P, n).
 
-    A limit on the tool's speed stays if it is the same in all segments.
+    Limits on the tool's speed and acceleration stay if they are the same in all segments.
     """
     tube, ends = problem.tube, []
     for point, end in zip((0, -1), problem.endpoints, strict=True):
@@ -259,6 +260,4 @@ def free_problem(problem: PlanningProblem, route: FloatArray | None = None) -> P
         ends.append(position)
         if end.joints is not None:
             ends[-1] = problem.robot.tool_position(end.joints[None])[0]
-    speeds = set() if tube.tool_speed is None else set(tube.tool_speed.tolist())
-    speed = speeds.pop() if len(speeds) == 1 else None
-    return problem.with_tube(Tube.anywhere(*ends, route=route, tool_speed=speed))
+    return problem.with_tube(Tube.anywhere(*ends, route=route, **common_tool_limits(tube)))
