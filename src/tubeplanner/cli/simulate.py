@@ -13,6 +13,7 @@ from tubeplanner.cli import console
 from tubeplanner.execution.mujoco_model import require_mujoco
 from tubeplanner.execution.plants import Draw
 from tubeplanner.execution.run_verdict import (
+    BOUNDS,
     JudgedCycle,
     JudgedRun,
     judged_cycle,
@@ -57,6 +58,8 @@ _NAMES = {
     "tool_tracking": "the tool from the plan [m]",
     "position": "beyond position limits [rad or m]",
     "velocity": "velocity, fraction of its limit",
+    "holding": "of what contacts carry, fraction",
+    "part": "held part moved in the tool [m]",
     "obstacles": "distance from obstacles [m]",
     "self_collision": "distance between links [m]",
 }
@@ -128,7 +131,7 @@ def simulate(
         execution = executed_cycle(motion, robustness, draw, moving)
         total = runs * len(motion.sections)
         judging = _counter(enter, "tolerances and clearance, run", total)
-        judged = judged_cycle(motion, execution, judging, robustness)
+        judged = judged_cycle(motion, execution, judging, robustness, follow_parts=True)
         if files.paths:
             enter("pictures")
 
@@ -181,6 +184,8 @@ def _seen_fields(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "verdict": run_verdict(judged).as_dict(),
         "saturated": [run.saturated for run in judged],
         "excursions": [run.tube.value for run in judged],
+        "part_moved": [run.part and run.part.value for run in judged],
+        "part_lost": [run.part and run.loses_part for run in judged],
         "seen": {
             name: None if summary is None else summary.as_dict()
             for name, summary in summaries(judged).items()
@@ -205,6 +210,11 @@ def execution_lines(motion: Motion, judged: JudgedCycle, errors: Robustness) -> 
     saturated = [100 * run.saturated for run in runs]
     fraction = f"{max(saturated):12.3g}{sorted(saturated)[len(saturated) // 2]:12.3g}"
     lines.append(f"{'time with a motor at its limit [%]':38}{fraction}")
+    moved = [
+        "lost" if run.loses_part else f"{1000 * run.part.value:.3g}" for run in runs if run.part
+    ]
+    if moved:
+        lines.append(f"held part moved, by run [mm]: {', '.join(moved)}")
     if motion.marks:
         lines += ["", *_move_lines(judged), ""]
     return [*lines, run_verdict(runs).survived(errors)]
@@ -217,7 +227,7 @@ def _bound(run: JudgedRun, name: str) -> str:
     if name in ("velocity", "tracking", "tool_tracking"):
         return "-"
     least = {"obstacles": run.clearance, "self_collision": 0.0}
-    return f">= {least[name]:.4g}" if name in least else "<= 0"
+    return f">= {least[name]:.4g}" if name in least else f"<= {BOUNDS.get(name, 0.0):.4g}"
 
 
 def _move_lines(judged: JudgedCycle) -> list[str]:

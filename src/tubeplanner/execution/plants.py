@@ -29,6 +29,8 @@ class Plant:
         tool: Shift of the tool centre point in its own frame, shape (3,) [m].
         base: Shift of the robot in the base frame, shape (3,) [m].
         noise_seed: Seed of the noise.
+        contact_friction: Real over nominal friction of contacts that hold parts.
+        part_mass: Real over nominal mass of held parts.
     """
 
     bodies: tuple[BodyInertia, ...]
@@ -39,6 +41,8 @@ class Plant:
     tool: FloatArray
     base: FloatArray
     noise_seed: int
+    contact_friction: float = 1.0
+    part_mass: float = 1.0
 
     __repr__ = short_repr
 
@@ -100,6 +104,8 @@ def drawn_plants(robot: RobotModel, errors: Robustness, draw: Draw | None = None
             tool=error.vector(errors.tool),
             base=error.vector(errors.base),
             noise_seed=int(error.random.integers(2**63)),
+            contact_friction=1 + errors.friction * float(error.sided()),
+            part_mass=1 + errors.payload * float(error.sided()),
         )
         for error in errors_drawn
     ]

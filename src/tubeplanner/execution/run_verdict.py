@@ -16,6 +16,7 @@ from tubeplanner.execution.excursions import (
     least_clearances,
     tube_excursions,
 )
+from tubeplanner.execution.held_parts import LOST, MOVED, most_used, parts_moved
 from tubeplanner.execution.plants import first_instant, last_instant
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.execution.tracking import LENGTH_PER_ANGLE
@@ -41,6 +42,8 @@ _WORDS = {
     "velocity": "passed a velocity limit",
     "tracking": "had a joint too far from the plan",
     "tool_tracking": "had the tool too far from the plan",
+    "holding": "asked more of a contact than it carries",
+    "part": "lost the held part or moved it by more than 1 mm",
 }
 KEPT = tuple(_WORDS)
 _VELOCITY_TOLERANCE = 0.05  # where neither the problem nor a preset has one
@@ -74,6 +77,10 @@ class JudgedRun:
         velocity_by_joint: Largest velocity of each joint over its limit, shape (n,).
         tracking_by_joint: Largest distance of each joint from the plan over that at which the
             controller stops, shape (n,); 0 where it does not stop.
+        holding: Largest share of what a contact carries at safety 1, with the plant's friction and
+            mass of the part; beyond 1 it may be lost. None where nothing is held.
+        part: Distance by which the held part moved in the tool, followed in MuJoCo [m]; None where
+            it was not followed.
     """
 
     tube: Extreme
@@ -93,8 +100,15 @@ class JudgedRun:
     position_by_joint: FloatArray = field(repr=False)
     velocity_by_joint: FloatArray = field(repr=False)
     tracking_by_joint: FloatArray = field(repr=False)
+    holding: Extreme | None = None
+    part: Extreme | None = None
 
     __repr__ = short_repr
+
+    @property
+    def loses_part(self) -> bool:
+        """True if the part was followed, and lost."""
+        return self.part is not None and self.part.value > LOST
 
     @property
     def broken(self) -> tuple[str, ...]:
@@ -108,7 +122,7 @@ class JudgedRun:
             if name in nearest:
                 excess = nearest[name] - extreme.value
             else:
-                bound = np.inf if name in _STOPS else 0.0
+                bound = np.inf if name in _STOPS else BOUNDS.get(name, 0.0)
                 excess = extreme.value - self.stops.get(name, bound)
             if excess > 0:
                 broken.append(name)
@@ -121,6 +135,7 @@ class JudgedRun:
 
 
 _STOPS = ("velocity", "tracking", "tool_tracking")
+BOUNDS = {"holding": 1.0, "part": MOVED}  # of quantities whose bound is neither 0 nor a field
 
 
 def judged_runs(
@@ -129,6 +144,7 @@ def judged_runs(
     execution: Execution,
     checkpoint: Callable[[], None] = lambda: None,
     errors: Robustness | None = None,
+    follow_parts: bool = False,
 ) -> list[JudgedRun]:
     """Judge executed motions in their order.
 
@@ -140,15 +156,18 @@ def judged_runs(
         execution: Its execution.
         checkpoint: Called before every run; may raise to end the work.
         errors: The field with the controller's stops; None: the default.
+        follow_parts: True to follow held parts in MuJoCo too.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
     planned = trajectory.position(np.minimum(execution.time, trajectory.duration))
     aim = problem.robot.tool_position(planned)
     more, result = additional_distances(problem, trajectory, execution.time), []
     errors = errors or Robustness()
+    parts = parts_moved(problem, execution, checkpoint) if follow_parts else None
     for run in range(len(execution.plants)):
         checkpoint()
-        result.append(_judged(problem, execution, run, (planned, aim), more, errors))
+        judged = _judged(problem, execution, run, (planned, aim), more, errors)
+        result.append(replace(judged, part=None if parts is None else parts[run]))
     return result
 
 
@@ -203,6 +222,7 @@ def _judged(
         position_by_joint=beyond.max(axis=1),
         velocity_by_joint=(speed / limits.velocity).max(axis=0),
         tracking_by_joint=off.max(axis=0) / (path or np.inf),
+        holding=most_used(problem, execution, run),
     )
 
 
@@ -218,7 +238,7 @@ def _largest(problem: PlanningProblem, time: FloatArray, values: FloatArray) -> 
 # Quantities of a run. Of those of two kinds the least value is the worst.
 _QUANTITIES = (
     *("tube", "rotation", "points", "tracking", "tool_tracking", "position", "velocity"),
-    *("obstacles", "self_collision"),
+    *("holding", "part", "obstacles", "self_collision"),
 )
 _LEAST = _QUANTITIES[-2:]
 
@@ -393,6 +413,7 @@ def judged_cycle(
     execution: Execution,
     checkpoint: Callable[[], None] = lambda: None,
     errors: Robustness | None = None,
+    follow_parts: bool = False,
 ) -> JudgedCycle:
     """Judge the executed motions of a cycle.
 
@@ -404,13 +425,16 @@ def judged_cycle(
         execution: The execution of its trajectory.
         checkpoint: Called before every run of every leg; may raise to end the work.
         errors: The field with the controller's stops; None: the default.
+        follow_parts: True to follow held parts in MuJoCo too.
 
     Raises:
         ProblemError: A leg begins or ends where its problem does not allow it.
     """
     legs: dict[tuple[str, ...], list[JudgedRun]] = {}
     for leg in executed_legs(motion, execution):
-        judged = judged_runs(leg.problem, leg.trajectory, leg.execution, checkpoint, errors)
+        judged = judged_runs(
+            leg.problem, leg.trajectory, leg.execution, checkpoint, errors, follow_parts
+        )
         legs[leg.names] = [_in_motion(run, leg) for run in judged]
     saturated = execution.is_saturated.any(axis=2).mean(axis=1)
     runs = [

@@ -268,24 +268,29 @@ class HoldingUse:
     share: FloatArray  # at speed, shape (N,)
     cone: IntArray  # index of the cone with that share, shape (N,)
     share_at_rest: FloatArray  # standing still in each configuration, shape (N,)
-    # gravity less the acceleration of the part's centre of mass, in the contact's axes, (N, 3)
-    apparent_gravity: FloatArray
+    wrench: FloatArray  # of the tool on the part, in the contact's axes, (N, 6) [N, N m]
+
+    @property
+    def apparent_gravity(self) -> FloatArray:
+        """Gravity less the acceleration of the centre of mass, in the contact's axes, (N, 3)."""
+        gravity: FloatArray = -self.wrench[:, :3] / self.holding.mass_properties.mass
+        return gravity
 
 
-def holding_uses(at: PathSamples) -> list[HoldingUse]:
-    """Return the use of every contact at samples, run at a speed of 1."""
+def holding_uses(at: PathSamples, holdings: Sequence[Holding] | None = None) -> list[HoldingUse]:
+    """Return the use of every contact at samples, run at a speed of 1.
+
+    Of the contacts of the samples' problem, or of others in their place.
+    """
     still = np.pad(_gravity(at), ((0, 0), (0, 9)))
     moving = still + _numbers(at.tool_motion)
     uses = []
-    for holding in at.problem.holding:
+    for holding in at.problem.holding if holdings is None else holdings:
         to_wrench = wrench_map(holding, at.problem.robot.tool_offset.placement).T
         wrench, rest = moving @ to_wrench, still @ to_wrench
         shares = np.array([cone.share(wrench) for cone in holding.cones])
         at_rest = np.max([cone.share(rest) for cone in holding.cones], axis=0)
-        gravity = -wrench[:, :3] / holding.mass_properties.mass
-        uses.append(
-            HoldingUse(holding, shares.max(axis=0), shares.argmax(axis=0), at_rest, gravity)
-        )
+        uses.append(HoldingUse(holding, shares.max(axis=0), shares.argmax(axis=0), at_rest, wrench))
     return uses
 
 
