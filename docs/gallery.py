@@ -105,6 +105,11 @@ PICTURES = {
         "A Panda between two shelves.",
         0.4,
     ),
+    "view_held": Picture(
+        "tubeplanner plan example:ur10/suction_cup --html view_held.html",
+        "A part on a suction cup: the arrow of its apparent gravity, and where its tip may be.",
+        0.3,
+    ),
     "view_two_link": Picture(
         "tubeplanner plan example:two_link/around_a_post --html view_two_link.html",
         "A planar arm moves around a post.",
