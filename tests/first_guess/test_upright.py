@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tubeplanner import Tube
 from tubeplanner.first_guess.branches import KnownBranches, redundancy_rules
 from tubeplanner.first_guess.upright import holds, kept_upright, upright_cone
 from tubeplanner.outcome import PlanningClock
+from tubeplanner.planning.free_plans import goal_configurations
 from tubeplanner.robot.pinocchio_model import Payload
-from tubeplanner.task.holding import Cup, Holding, Liquid, Tray, margins_against
+from tubeplanner.task.holding import Cup, Holding, Liquid, Tray, margins_against, rest_margins
 
 
 def free(problem, holding=()):
@@ -31,7 +33,8 @@ def on_a_tray(problem, normal, com=(0.0, 0.0)):
 def test_the_cone_is_that_of_the_contact(contact, lean, bundled):
     """A liquid's tilt, a tray's angle of friction; a strong cup holds in every direction."""
     problem = bundled("ur5/level_tray")
-    normal = np.array([0.02, -0.05, -1.0]) / np.linalg.norm([0.02, -0.05, -1.0])
+    normal = upright(problem) + np.array([0.02, -0.05, 0.0])
+    normal /= np.linalg.norm(normal)
     made = {
         Liquid: lambda: Holding(Liquid(0.26, normal=tuple(normal))),
         Tray: lambda: on_a_tray(problem, normal),
@@ -48,7 +51,7 @@ def test_the_cone_is_that_of_the_contact(contact, lean, bundled):
 def test_a_part_beside_the_middle_of_its_foot_has_another_axis(bundled):
     """It tips over the near edge first: leaning to the other side, it may lean by more."""
     problem = bundled("ur5/level_tray")
-    holding = on_a_tray(problem, np.array([0, 0, -1.0]), com=(0.035, 0.0))
+    holding = on_a_tray(problem, upright(problem), com=(0.035, 0.0))
     problem = replace(problem, holding=(holding,))
     cone = upright_cone(problem, problem.start[None])
     assert abs(cone.axis[0]) > 0.05
@@ -85,5 +88,14 @@ def test_a_rotation_tolerance_is_narrowed_to_what_holds_the_part(bundled):
     assert (np.hypot(*bounds[:, :2].T) < np.arctan(0.3)).all()
     assert (bounds[:, :2] > 0.1).all()
     assert np.isinf(bounds[:, 2]).all()
-    wide = replace(problem, holding=(Holding(Liquid(1.2, normal=(0, 0, -1))),))
+    wide = replace(problem, holding=(Holding(Liquid(1.2, normal=tuple(upright(problem)))),))
     assert kept_upright(wide, wide.start) is None
+
+
+def test_goal_configurations_of_a_position_hold_the_part(bundled):
+    own = free(bundled("ur5/over_the_wall"))
+    ends = np.array([own.robot.tool_position(own.start[None])[0], own.tube.points[-1]])
+    held = replace(own, tube=Tube.anywhere(*ends), holding=(on_a_tray(own, upright(own)),))
+    goals = goal_configurations(held, held.start, 1)
+    assert len(goals) > 1
+    assert rest_margins(held.robot, held.holding, goals).min() > 0

@@ -14,7 +14,6 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.geometry.tube.rotation import RotationalTube, RotationBound
 from tubeplanner.orientation import quaternion_of_matrix, rotation_matrix, rpy_of_matrix
-from tubeplanner.outcome import ContradictionError
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import ToolOffset
 from tubeplanner.task.holding import margins_against, rest_margins
@@ -123,7 +122,7 @@ def kept_upright(
         rotation_tolerance=((bound, bound, np.inf),) * tube.segment_count,
     )
     end = problem.goal if goal is None else goal
-    with suppress(ProblemError, ContradictionError):
+    with suppress(ProblemError):
         return replace(problem, robot=robot, tube=rotated, start=start, goal=end)
     return None
 
@@ -156,7 +155,7 @@ def _narrowed(problem: PlanningProblem) -> PlanningProblem | None:
             bounds.append((x, y, z))
         else:
             bounds.append(share * bound)
-    with suppress(ProblemError, ContradictionError):
+    with suppress(ProblemError):
         return problem.with_tube(replace(tube, rotation_tolerance=tuple(bounds)))
     return None
 

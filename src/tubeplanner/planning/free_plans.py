@@ -11,6 +11,7 @@ from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.pose_configurations import pose_configurations, reaching
 from tubeplanner.first_guess.segment_walk import wanted_at
+from tubeplanner.first_guess.upright import kept_upright
 from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.outcome import (
     MARGIN_TOLERANCE,
@@ -23,6 +24,7 @@ from tubeplanner.outcome import (
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult, refused_result
 from tubeplanner.planning.route_plans import EDGES, MAX_ROUTES, SEED, RoutePlans, with_route
+from tubeplanner.task.holding import loss_at_rest
 from tubeplanner.task.problem import PlanningProblem
 
 # Routes to each of several goals but the first, and in all.
@@ -121,7 +123,13 @@ def _free_by_bound(problem: PlanningProblem, start: FloatArray, seeds: FloatArra
             others = reaching(problem.robot, goal.pose, seeds, *_range(problem), seeds)
             solutions += [q for q in others if _is_new(q, solutions)]
     else:
-        solutions = _reaching(problem, seeds if goal.seed is None else goal.seed[None])
+        inner = kept_upright(problem, start) or problem
+        solutions = _reaching(inner, seeds if goal.seed is None else goal.seed[None])
+    lost = [loss_at_rest(problem.robot, problem.holding, q) for q in solutions]
+    solutions = [q for q, reason in zip(solutions, lost, strict=True) if reason is None]
+    if not solutions:
+        tool = problem.tube.points[-1]
+        raise Infeasible(PlanStatus.UNREACHABLE, f"goal: {lost[0]}", Location().at(tool))
     free: list[FloatArray] = []
     blocked = None
     by_bound = sorted(
@@ -153,7 +161,7 @@ def _reaching(problem: PlanningProblem, seeds: FloatArray) -> list[FloatArray]:
     solutions: list[FloatArray] = []
     least = np.inf
     for near in seeds:
-        wanted = wanted_at(problem, target, last, near)
+        wanted = wanted_at(problem, target, last, None if problem.holding else near)
         solution = solve_position(problem.robot, target, near, *_range(problem), rotation=wanted)
         least = min(least, solution.error)
         if rotation is not None:

@@ -95,7 +95,14 @@ class RoutePlans:
             TimeLimitReached: The time limit has passed; likewise KeyboardInterrupt, as below.
         """
         self._clock.enter("stops at the corners of the route")
-        trajectory = stop_along(problem, _route(problem), self._clock.check)
+        try:
+            trajectory = stop_along(problem, _route(problem), self._clock.check)
+        except Infeasible as reason:
+            if not problem.holding:
+                raise
+            # A route may lean by more than a held part allows; refinement may turn the tool back.
+            self._offer(problem, refused_result(reason, self._method))
+            return
         self._offer(problem, certified_result(problem, trajectory, STOP_AT_CORNERS, self._clock))
 
     def refine_line(self, problem: PlanningProblem) -> None:
