@@ -1,4 +1,4 @@
-"""A random contact of a problem whose witness holds its part, at rest everywhere with something more.
+"""A random contact whose part the witness holds at rest everywhere, with something more.
 
 Trays and liquids stand upright on the way as well as the witness's turns let them; cups and
 grippers hold in any orientation, with a force drawn in multiples of the least.

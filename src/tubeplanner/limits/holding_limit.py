@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.limits.path_samples import LimitKey, PathSamples
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
@@ -140,6 +140,19 @@ class HoldingLimit:
         self._first = np.array(first, dtype=np.int64)
         self._across, self._along = np.array(across), np.array(along)
         self._offset = np.array(offsets)
+
+    def leading(self, use: FloatArray) -> BoolArray:
+        """Return True for the most used of the cones of each contact and name, shape (N, J).
+
+        Those of one name are nearly parallel: a step's program has one of them at a sample, others
+        join where a step leaves them.
+        """
+        result = np.zeros(use.shape, dtype=bool)
+        kinds = list(zip(self._first.tolist(), self.names, strict=True))
+        for kind in dict.fromkeys(kinds):
+            own = np.array([k for k, each in enumerate(kinds) if each == kind])
+            result[np.arange(len(use)), own[use[:, own].argmax(axis=1)]] = True
+        return result
 
     def raised(self, key: LimitKey, fraction: float) -> "HoldingLimit":
         """Return the limit with a number of a contact or the part's mass larger by a fraction."""

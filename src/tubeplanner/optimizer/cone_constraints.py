@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.limits.holding_limit import HoldingLimit
 from tubeplanner.limits.path_samples import PathSamples
 from tubeplanner.optimizer.phased_spline import SampledSpline
@@ -42,6 +42,8 @@ class EvaluatedCones:
     """
 
     is_crossed: ClassVar[bool] = False
+    # As of `EvaluatedRegions`, as a share of the nominal: more planes of more cones bind.
+    binding: ClassVar[float] = 0.001
 
     limit: HoldingLimit
     at: SampledSpline  # the spline at the samples
@@ -76,14 +78,16 @@ class EvaluatedCones:
     @cached_property
     def planes(self) -> Planes:
         """The tangent planes along present directions."""
-        return self._tangents(self.vector, np.arange(len(self.vector)))
+        return self._tangents(
+            self.vector, np.flatnonzero(self._leads(self._excess_of(self.vector)))
+        )
 
     def planes_where_outside(
         self, vector: FloatArray, room: float, *, are_alone: bool = False
     ) -> Planes:
         """Return the tangent planes where other vectors (N J, 4) are outside."""
-        outside = np.flatnonzero(self._excess_of(vector) > room)
-        return self._tangents(vector, outside)
+        excess = self._excess_of(vector)
+        return self._tangents(vector, np.flatnonzero((excess > room) & self._leads(excess)))
 
     def room(self, step: Step) -> float:
         """Return how far outside a step's vectors may be, as a share of the nominal."""
@@ -155,6 +159,10 @@ class EvaluatedCones:
         if self.is_at_rest:
             return {0: self.limit.at_rest_by_path(self.path)}
         return self.limit.vectors_by_path(self.path, 1 / self.duration)
+
+    def _leads(self, excess: FloatArray) -> BoolArray:
+        """Return True for vectors (N J,) of the leading cones of their samples."""
+        return self.limit.leading(excess.reshape(len(self.path), -1)).ravel()
 
     def _tangents(self, vector: FloatArray, which: IntArray) -> Planes:
         """Return the tangent planes that some vectors (N J, 4) point at."""

@@ -26,8 +26,6 @@ from tubeplanner.optimizer.step_program import (
 )
 
 BROKEN = 1e-4
-# Planes with less slack after a step [radii] are given to the next program at once.
-_BINDING = 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +139,8 @@ class Linearization:
         each = zip(self._current.convex, self._planes, self._after(step), strict=True)
         return tuple(
             planes.where(
-                regions.slack(planes, vector - regions.vector) < _BINDING - regions.room(step)
+                regions.slack(planes, vector - regions.vector)
+                < regions.binding - regions.room(step)
             )
             for regions, planes, vector in each
         )

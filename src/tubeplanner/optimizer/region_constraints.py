@@ -82,6 +82,9 @@ class Planes:
 class EvaluatedRegions:
     """The vectors at N samples of a spline, and the region of each."""
 
+    # Planes with less slack after a step [radii] are given to the next program at once.
+    binding: ClassVar[float] = 0.005
+
     at: SampledSpline  # the spline at the samples
     vector: FloatArray  # shape (N, 3) [m or rad]
     # returns the vectors' derivatives by the joints' positions (0) and by their derivatives by x

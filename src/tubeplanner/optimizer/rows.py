@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.limits.holding_limit import HoldingLimit
 from tubeplanner.limits.path_samples import PathSamples, SpeedLimit
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.native.library import Doubles, Integers, native_function
@@ -33,6 +34,8 @@ _used = native_function(
 )
 # Rows with less slack than this are kept, however short the step.
 _CLOSE = 0.3
+# Cones less used than this are left to the planes that join.
+_MATTERS = 0.5
 NO_LIMIT = -1
 # Steps aim this far inside tube and clearances, as a fraction of a radius; the merit function
 # ignores most of it, which absorbs violations between samples and rounding.
@@ -283,6 +286,8 @@ class EvaluatedSpeedLimit:
             here = self.beyond
             is_kinked = np.any(by_path[1] != here._by_path(duration)[1], axis=2)
             used = np.where(is_kinked & (used <= here._used.at(1 / duration)), used, -np.inf)
+        if isinstance(self.limit, HoldingLimit) and size is not None:
+            used = np.where(self.limit.leading(used) & (used > _MATTERS), used, -np.inf)
         little = _CLOSE if self.beyond is None else -np.inf
         return sided_rows(self.at, by_path, used, (change, degree / 2), limit, signs, size, little)
 
