@@ -108,6 +108,13 @@ def test_the_same_in_every_run_is_what_is_short(problem):
     assert shown_shortfall(problem, [far]).tool_tracking == pytest.approx(0.5)
 
 
+def test_what_a_contact_lacks_is_a_share_of_what_it_carries(problem):
+    for used, short in ((0.9, -0.1), (1.2, 0.2), (50.0, 0.5)):  # of a lost part no share is known
+        held = run(holding=Extreme(used, Location()))
+        assert shown_shortfall(problem, [held] * 2).holding == pytest.approx(short)
+    assert shown_shortfall(problem, [run()]).holding == -1e3
+
+
 def test_more_is_expected_of_others_than_was_seen(problem):
     """Of 95 from a normal distribution, the mean and 2.5 deviations; of more, the largest."""
     drawn = np.random.default_rng(0).normal(0.0, 0.001, 96)

@@ -194,6 +194,20 @@ def test_a_contact_has_prices_per_newton_and_per_kilogram():
     assert (mass.field, mass.unit, mass.saved_per_unit) == ("holding.part.mass", "kg", -1.2)
 
 
+def test_cones_shrink_as_the_force_that_they_are_shares_of_grows():
+    """Shares of a force larger by a fraction are smaller by it, but for the force itself, 1."""
+    problem = by_cup()
+    spline = begun(problem, 8)
+    constraints = SequentialProgram(problem, spline.grid).constraints
+    current = constraints.at(spline)
+    key = LimitKey("holding", contact=0, parameter="force")
+    _, changes = constraints.shared_rise(current)[constraints.keys.index(key)]
+    own = [own is current.cones[0] for own in current.convex]
+    vector, change = current.cones[0].vector, changes[own.index(True)]
+    assert change == pytest.approx([0.0, 0.0, 0.0, 1.0] - vector, abs=1e-3 * abs(vector).max())
+    assert not any(other.any() for other in changes if other.shape[1] == 3)
+
+
 def test_a_number_at_its_largest_accepted_value_has_a_price():
     limit = HoldingLimit(replace(problem_with(), holding=[Holding(Liquid(tilt=1.5))]))
     (key,) = limit.keys

@@ -41,6 +41,8 @@ def simulated_runs(
 # the mean, if normal.
 _MANY, _DEVIATIONS = 96, 2.5
 _NOTHING = -1e3  # [m or rad]: the shortfall where nothing is required
+# Of what a contact carries: beyond, nothing presses the part any more, and shares say little.
+_MAX_HOLDING = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,10 @@ def shown_shortfall(problem: PlanningProblem, runs: Sequence[JudgedRun]) -> Shor
     near = [
         _NOTHING if run.obstacles is None else run.clearance - run.obstacles.value for run in runs
     ]
+    held = [
+        _NOTHING if run.holding is None else min(run.holding.value - 1, _MAX_HOLDING)
+        for run in runs
+    ]
     folded = [_NOTHING if run.self_collision is None else -run.self_collision.value for run in runs]
     return Shortfall(
         radius=_with_points(problem, _expected_most(tube), runs),
@@ -83,6 +89,7 @@ def shown_shortfall(problem: PlanningProblem, runs: Sequence[JudgedRun]) -> Shor
         velocity=_expected_most(velocity),
         tracking=_expected_most([run.tracking_by_joint - 1 for run in runs]),
         tool_tracking=float(_expected_most(tool)),
+        holding=float(_expected_most(held)),
     )
 
 

@@ -525,9 +525,9 @@ _MAX_OF_CONTACTS = {"friction": 1.5, "tilt": 1.5}
 def holding_changes(question: Question, sign: int) -> Iterator[Change]:
     """Yield the changes of what holds a part, for the better (sign 1) or the worse (-1).
 
-    The size of a foot or a pad is its shorter side's.
+    The size of a foot or a pad is its shorter side's. The arm's payload has a part's mass too.
     """
-    value = question.fields.holding
+    value, payload = question.fields.holding, question.fields.robot.payload
     several = isinstance(value, list)
     items: list[Any] = [] if value is None else list(value) if several else [value]
 
@@ -535,6 +535,11 @@ def holding_changes(question: Question, sign: int) -> Iterator[Change]:
         if not isinstance(before, list | tuple):
             return {field: after}
         return {field: [exact(after * side / min(before)) for side in before]}
+
+    def carried(field: str, before: float, after: float) -> dict[str, Any]:
+        if payload is None:  # the part is no weight for the arm
+            return {field: after}
+        return {field: after, "robot.payload.mass": exact(payload.mass + after - before)}
 
     for k, item in enumerate(items):
         path = f"holding.{k}" if several else "holding"
@@ -554,8 +559,9 @@ def holding_changes(question: Question, sign: int) -> Iterator[Change]:
                     )
                     yield replace(change, most=min(change.most, most))
         if item.part is not None and item.liquid is None:
-            field = f"{path}.part.mass"
-            yield Change.of_number("holding", field, item.part.mass, "kg", -sign, field)
+            field, mass = f"{path}.part.mass", item.part.mass
+            number = (field, mass, "kg", -sign, field)
+            yield Change.of_number("holding", *number, changes=partial(carried, field, mass))
 
 
 # ---- Changes of start, goal and duration.
