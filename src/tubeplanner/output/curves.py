@@ -74,11 +74,11 @@ def held_contacts(sections: Sequence[MotionSection], time: FloatArray) -> list[H
         rows = section.inside(time)
         local = np.minimum(time[rows] - section.begin, section.trajectory.duration)
         for use in holding_of_section(section, section.trajectory.at(local)) if len(rows) else ():
-            nothing = np.full((5, len(time)), np.nan)
+            nothing = np.full((8, len(time)), np.nan)
             cone = np.zeros(len(time), dtype=np.int64)
             absent = HoldingUse(use.holding, nothing[0], cone, nothing[1], nothing[2:].T)
             whole = contacts.setdefault(repr(use.holding), absent)
-            for name in ("share", "cone", "share_at_rest", "apparent_gravity"):
+            for name in ("share", "cone", "share_at_rest", "wrench"):
                 getattr(whole, name)[rows] = getattr(use, name)
     return list(contacts.values())
 

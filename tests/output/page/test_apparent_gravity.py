@@ -19,9 +19,8 @@ from tubeplanner.task.holding import Cup, Gripper, Holding, Liquid, Tray
 from tubeplanner.task.motion import MotionSection
 
 G = 9.81
-BELOW = 0.05  # the tool points down: what stands, stands on what is below it [m]
-PART = Payload(0.8, (0.0, 0.0, BELOW - 0.03))
-TRAY = Holding(Tray(0.3, (0.04, 0.04), position=(0, 0, BELOW), normal=(0, 0, -1)), PART)
+TOP = 0.04  # of the tray [m]
+TRAY = Holding(Tray(0.3, (0.04, 0.04), position=(0, 0, TOP)), Payload(0.8, (0, 0, TOP + 0.03)))
 CUP = Holding(Cup(42.4, 0.03, 0.5), Payload(0.8, (0.0, 0.0, 0.03)))
 GRIPPER = Holding(Gripper(20.0, 0.4, (0.02, 0.02)), Payload(0.8, (0, 0.0, 0.01)))
 
@@ -94,8 +93,8 @@ def test_a_part_is_drawn_on_its_contact_unless_a_solid_is_there(slowed):
         (part,) = solids_at_tool(SimpleNamespace(attached=(), holding=(holding,)))
         points = np.vstack([shape.vertices for shape in part.shapes])
         sizes[part.name] = np.round([points.min(axis=0), points.max(axis=0)], 6).tolist()
-    assert sizes["part (tray)"] == [[-0.02, -0.02, -0.01], [0.02, 0.02, 0.05]]
+    assert sizes["part (tray)"] == [[-0.02, -0.02, 0.04], [0.02, 0.02, 0.1]]
     assert sizes["part (cup)"] == [[-0.06, -0.06, 0.0], [0.06, 0.06, 0.06]]
     assert sizes["part (gripper)"] == [[-0.01, -0.01, -0.01], [0.01, 0.01, 0.02]]
-    solid = AttachedSolid("glass", (box((0.04, 0.04, 0.06)),))
+    solid = AttachedSolid("glass", (box((0.04, 0.04, 0.2)),))
     assert solids_at_tool(replace(problem, attached=(solid,))) == [solid]
