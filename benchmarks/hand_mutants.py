@@ -69,6 +69,34 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "_point_velocity": [("location = rotation[:, body] @ in_body[:3] + ", "location = ")],
     "ToolRateMargin._norm": [("self._quantity.derivatives + 1", "self._quantity.derivatives")],
     "_acceleration": [("2 * carried + turning", "carried + turning")],
+    # Held parts
+    "Tray.cones": [
+        ("(1 - 1 / self.safety) * weight", "0.0"),
+        ("/ 2 / self.safety", "/ 2"),
+        ("(-_TY, _TX)", "(_TY, -_TX)"),
+    ],
+    "_twists": [("x * mu, y * mu, z", "x, y, z")],
+    "Holding.axes": [("np.cross(z, x), z", "np.cross(x, z), z")],
+    "wrench_map": [
+        ("traces)", "0 * traces)"),
+        ("np.zeros((3, 3)), inertia, gyroscopic", "np.zeros((3, 3)), inertia, 0 * gyroscopic"),
+        ("com - middle", "com"),
+    ],
+    "HoldingLimit._gravity_by_path": [("-_gravity(at)", "_gravity(at)")],
+    "HeldPart.__init__": [(" / 2 * np.eye(3) - inertia", " / 2 * np.eye(3)")],
+    "HeldPart.wrench": [
+        ("np.cumsum(moving, axis=1) - moving", "np.cumsum(moving, axis=1)"),
+        ("change[..., 3] -= robot.gravity @ axes", "change[..., 3] -= robot.gravity"),
+        ("factor * v[:, joint]", "v[:, joint]"),
+    ],
+    "HeldPart.quantity": [
+        ("self._mass * gravity * unit", "0 * unit"),
+        (" + pulled", ""),
+        (" + turned[: len(pulled)]", ""),
+    ],
+    "HeldPart.judged": [("0 if is_at_rest else 2", "2")],
+    "judge_holding": [("(False, True)", "(False,)")],
+    "_inside": [(" | (still[..., 3] < 0)", ""), (" | (middle < 0)", "")],
     # Simulation
     "Plant.displaced": [("rotation @ self.tool", "self.tool"), (" + self.base", "")],
     "ComputedTorque.effort": [(" + self._plan.friction[k]", "")],

@@ -154,6 +154,15 @@ def test_safety_is_divided_by(hand, safety):
     just_holds(hand(cup), pushed([most, 0.0]), "cup slides")
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_an_eccentric_part_tips_sooner_to_its_side(hand, side):
+    safety, height, away = 1.2, 0.05, 0.01
+    half = 0.06 / 2 / safety
+    holding = Holding(Tray(3.0, (0.06, 1.0), safety=safety), Payload(1.0, (away, 0.0, height)))
+    most = G * (half + side * away) / (safety * height)
+    just_holds(hand(holding), pushed([side * most, 0.0]), "tray tips")
+
+
 def test_the_inertia_needs_torque(tmp_path):
     robot = replace_gravity(one_joint(tmp_path), (0, 0, 0))
     part = Payload(1.0, (0, 0, 0), (0.02, 0.02, 0.03, 0, 0, 0))
@@ -260,10 +269,14 @@ def test_wrenches_and_margins_are_those_of_mass_points(arm, name):
     assert condition.margin == pytest.approx(worst, rel=0.03, abs=0.01)
 
 
-@pytest.mark.parametrize("name", ["cup", "liquid"])
+@pytest.mark.parametrize("gravity", [True, False])
+@pytest.mark.parametrize("name", ["cup", "liquid", "in the middle"])
 @pytest.mark.parametrize("width", [0.1, 0.3])
-def test_no_wrench_lies_outside_its_enclosure(arm, name, width):
-    part, trajectory = HeldPart(arm, Holding(CONTACTS[name], PART)), moving(arm, 1, width=width)
+def test_no_wrench_lies_outside_its_enclosure(arm, name, width, gravity):
+    middle = Holding(Gripper(60.0, 0.5, (0.02, 0.03), position=PART.com), PART)
+    holding = middle if name not in CONTACTS else Holding(CONTACTS[name], PART)
+    arm = arm if gravity else replace_gravity(arm, (0, 0, 0))
+    part, trajectory = HeldPart(arm, holding), moving(arm, 1, width=width)
     time = np.random.default_rng(2).uniform(0, trajectory.duration, 500)
     states = states_of(trajectory, time)
     for quantity in (part.quantity(0), part.quantity(2)):
