@@ -20,12 +20,14 @@ from tubeplanner import (
     JudgedCondition,
     LimitOverrides,
     Location,
+    Payload,
     ProblemError,
     Tolerance,
     TrajectoryError,
     load_robot,
     verify_cycle,
 )
+from tubeplanner.task.holding import Cup, Holding
 from tubeplanner.task.motion import LegMotion, cycle_motion
 
 GRAVITY = (0.0, -9.81, 0.0)
@@ -321,6 +323,50 @@ def test_what_is_put_down_must_be_held_until_it_is():
     go = move(robot, "go", HOME, PICK)
     cycle = Cycle(HOME, [Attach("mass", weight(20.0)), go, Detach("mass")])
     assert {"start - go: effort", "go - end: effort"} <= set(failures(one_leg(cycle)))
+
+
+DOWN = (0.0, 0.0, -9.81)  # the arm moves in the plane
+
+
+def carried(mass, friction=0.4):
+    """Return what takes a mass with a cup that is pressed from the side, and holds it so."""
+    part = Payload(mass, (0.0, 0.0, 0.0))
+    return Attach(
+        "mass", part, holding=(Holding(Cup(60.0, 0.02, friction, normal=(1, 0, 0)), part),)
+    )
+
+
+@pytest.mark.parametrize("then", [[], [Event("weigh", None, 0.1), Detach("mass")]])
+def test_contacts_hold_what_is_taken_while_the_arm_rests(then):
+    """Friction carries the weight: just as taken, and just before it is let go."""
+    cycle = Cycle(HOME, [move(planar_arm(DOWN), "go", HOME, PICK), carried(2.0), *then])
+    certificate = verify_cycle(cycle, one_leg(cycle))
+    condition = certificate.junctions["go - end"]["holding"]
+    assert condition.margin == pytest.approx(1 - 2.0 * 9.81 / (0.4 * 60.0 / 1.5))
+    assert condition.where.contact == "cup slides, at rest"
+    assert certificate.junctions["start - go"]["holding"].margin is None
+    assert "go - end: holding" in certificate.failures()
+    assert certificate.describe("go - end: holding") == (
+        "go - end: holding: margin -0.226 (cup slides, at rest, with and without what is taken or "
+        "let go)"
+    )
+    light = Cycle(HOME, [move(planar_arm(DOWN), "go", HOME, PICK), carried(0.5), *then])
+    assert "go - end: holding" not in verify_cycle(light, one_leg(light)).failures()
+
+
+def test_legs_and_both_stops_hold_what_they_carry():
+    robot = planar_arm(DOWN)
+    steps = [carried(1.0), move(robot, "go", HOME, PICK), Detach("mass")]
+    cycle = Cycle(HOME, [*steps, move(robot, "back", PICK, HOME)])
+    certificate = verify_cycle(cycle, slow_motion(cycle, (HOME, PICK, HOME)))
+    assert not [name for name in certificate.failures() if "holding" in name]
+    margins = {
+        name: conditions["holding"].margin for name, conditions in certificate.junctions.items()
+    }
+    assert {name for name, margin in margins.items() if margin is None} == {"back - end"}
+    assert margins["start - go"] == pytest.approx(margins["go - back"])
+    assert certificate.moves["back"].conditions["holding"].margin is None
+    assert 0 < certificate.moves["go"].conditions["holding"].margin < margins["start - go"]
 
 
 def test_what_is_no_cycle_or_no_motion_is_refused():

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import pairwise
+from operator import itemgetter
 from types import MappingProxyType
 from typing import Any
 
@@ -17,6 +18,7 @@ from tubeplanner.certificate import (
     joint_conditions,
     tool_conditions,
 )
+from tubeplanner.certificate.holding_conditions import AT_REST, HeldPart
 from tubeplanner.certificate.judged_motion import (
     FOR_ALL_TIMES,
     RELATIVE,
@@ -88,6 +90,7 @@ _SPEED_LIMITS = (
     *("velocity", "acceleration", "jerk", "tool_speed", "tool_acceleration", "point_speed"),
     "holding",
 )
+_AT_STOP = "with and without what is taken or let go"
 # Conditions that a bound on braking presupposes.
 _BRAKING_CONDITIONS = frozenset(
     ("velocity", "acceleration", "effort", "motor_curve", "rest", "continuity")
@@ -159,7 +162,7 @@ class Certificate:
         for name in _SPEED_LIMITS:
             condition = self.conditions[name]
             if not condition.holds(self.tolerance):
-                is_at_rest = (condition.where.contact or "").endswith(holding_conditions.AT_REST)
+                is_at_rest = (condition.where.contact or "").endswith(AT_REST)
                 speed = 0.0 if is_at_rest else 1.0
                 return SlowerRun(name, condition.margin or 0.0, speed, condition.where)
         tightest = self.other_speeds.slower
@@ -356,7 +359,7 @@ def verify_cycle(
 
     Every leg is judged as the motion of its planning problem, in the cell as the motion itself
     leaves it. At junctions the arm must stay in its configuration for as long as events take, and
-    the motors must hold the arm with and without the parts that are taken or let go.
+    motors and contacts must hold with and without the parts that are taken or let go.
 
     Args:
         cycle: The cycle.
@@ -417,6 +420,7 @@ def _judged_junctions(
                 "continuity": _judged_stay(motion, k, begin, end),
                 "dwell": _judged_dwell(motion, k),
                 "effort": _judged_hold(cycle.stop_at(k), motion.trajectory.position(end), end),
+                "holding": _judged_contacts(cycle.stop_at(k), motion.trajectory.position(end), end),
             },
         )
     if cycle.closed:
@@ -473,8 +477,22 @@ def _judged_hold(stop: Stop, q: FloatArray, time: float) -> JudgedCondition:
         return not_required(RELATIVE, "no joint has this limit")
     row, joint = np.unravel_index(int(margins.argmin()), margins.shape)
     location = Location(time=time, joint=arms[row].joint_names[joint])
-    coverage = "at rest, with and without what is taken or let go"
-    return JudgedCondition(float(margins[row, joint]), RELATIVE, location, coverage)
+    return JudgedCondition(float(margins[row, joint]), RELATIVE, location, f"at rest, {_AT_STOP}")
+
+
+def _judged_contacts(stop: Stop, q: FloatArray, time: float) -> JudgedCondition:
+    """Judge the contacts at rest in a configuration (n,), with every part held there."""
+    judged = []
+    for arm, holdings in zip(stop.arms, stop.holdings, strict=True):
+        for holding in holdings:
+            part, cones = HeldPart(arm, holding), np.arange(len(holding.cones))
+            margins = part.margin(part.wrench(np.tile(q, (len(cones), 1))), cones)
+            contact = f"{holding.kind} {holding.cones[int(margins.argmin())].name}{AT_REST}"
+            judged.append((float(margins.min()), Location(time=time, contact=contact)))
+    if not judged:
+        return not_required(RELATIVE, "nothing is held here")
+    margin, location = min(judged, key=itemgetter(0))
+    return JudgedCondition(margin, RELATIVE, location, f"{location.contact}, {_AT_STOP}")
 
 
 def _judged_gap(robot: RobotModel, gap: FloatArray, time: float, coverage: str) -> JudgedCondition:
