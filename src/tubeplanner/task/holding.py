@@ -11,13 +11,19 @@ angular acceleration al, all in the tool frame. A contact holds while W is in co
 
 The cones are sound: forces at points of the contact, each in its cone of friction mu, add up to
 every wrench inside. They are exact for a force g across and N along the normal whose line meets the
-axis of the centre of mass: it acts at the centre of pressure. Inertia adds a moment d, and leaves a
-twist T = dz + g . d_t / N about that centre, |T| <= h = |dz| + mu |d_t|. A share N2 of N is then
-pressed about the middle, evenly over a circle of radius rho in the foot. For every sliding, two
-points of a diameter take up at least the power of any g2 and T with |(g2, T / rho)| <= mu N2, since
-a norm is convex. With N2 = 5/4 h / (mu rho) this leaves |g2| = 3/4 mu N2. So the part holds while
+axis of the centre of mass: it acts at the centre of pressure. Inertia adds a moment d. Then a share
+N2 of N is pressed about the middle, evenly over a circle of radius rho in the foot; the rest N1,
+with g1 along g, at the centre of pressure. That leaves the twist T = dz + g1 . d_t / N1. For every
+sliding, two points of a diameter take up at least the power of any g2 and T with
+|(g2, T / rho)| <= mu N2, since a norm is convex. With N2 = 5/4 |T| / (mu rho), |g2| = 3/5 mu N2 is
+left. So the part holds while
 
-    |g| <= mu N - h / (2 rho)  and the centre of pressure of N - N2 is inside the foot.
+    |g| <= mu N - |T| / (2 rho)  and the centre of pressure of N - N2 is inside the foot.
+
+As |g1| = k mu N1 with k from 0 to 1, T is between its values dz and dz + mu e . d_t of both, with
+e = g / |g|; and |g| + e . a <= |g + a| makes cones of that. On a round foot of radius r, the com at
+the height h, likewise g1 . d_t / N1 = k (r / h) e . (z x d_t) with e = t / |t|, which is little
+where h is not. Else |T| <= |dz| + mu |d_t|.
 
 If the centre of pressure is within half of an ellipse, both parts of any chord c1, c2 through it
 have 2 c1 c2 / (c1 + c2) >= 3/4 of its smaller radius, and |(g, h / that)| <= mu N.
@@ -103,6 +109,9 @@ _NONE = np.zeros((0, 6))
 # Of the share of the normal force that carries a twist, and what it takes off the friction.
 _SHARE, _LESS_FRICTION = 1.25, 0.5
 _OFF_AXIS = 1e-9  # [m]
+# From this height of the com on, in radii over the friction, cones of tipping by the com's height
+# contain more. No round number, so that prices, which change radius and friction, stay beside it.
+_FLAT = 0.6127
 
 
 def _extra_moment(arm: FloatArray) -> FloatArray:
@@ -112,25 +121,45 @@ def _extra_moment(arm: FloatArray) -> FloatArray:
 
 def _twists(extra: FloatArray, mu: float) -> list[FloatArray]:
     """Return rows (6,) of which the largest is |dz| + mu (|dx| + |dy|), of d = extra W."""
-    signs = product((1.0, -1.0), repeat=3) if extra.any() else [(0.0, 0.0, 0.0)]
+    signs = product((1.0, -1.0), repeat=3) if extra.any() else ((0.0, 0.0, 0.0),)
     return [np.array([x * mu, y * mu, z]) @ extra for x, y, z in signs]
 
 
 def _slides(mu: float, rho: float, extra: FloatArray, offset: float, nominal: float) -> list[Cone]:
-    """Return cones of slipping: |g| <= mu (fz + offset) - h / (2 rho)."""
-    across = np.array([_FX, _FY])
-    alongs = (mu * _FZ - _LESS_FRICTION / rho * twist for twist in _twists(extra, mu))
-    return [Cone("slides", across, along, mu * offset, nominal) for along in alongs]
+    """Return cones of slipping: |g| + |T| / (2 rho) <= mu (fz + offset)."""
+    lever = _LESS_FRICTION / rho
+    pairs = _twisted(np.array([_FX, _FY]), lever * mu * extra[:2], lever * extra[2])
+    return [Cone("slides", g, mu * _FZ - twist, mu * offset, nominal) for g, twist in pairs]
+
+
+def _twisted(
+    across: FloatArray, change: FloatArray, twist: FloatArray
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return rows (2, 6) and (6,) of which the largest |.| + . is above |across| + |T|.
+
+    T W is between twist W and twist W + e . change W, with e along across W.
+    """
+    if not (change.any() or twist.any()):
+        return [(across, twist)]
+    parts = ((sign, part) for sign in (1.0, -1.0) for part in (1.0, 0.0))
+    return [(across + sign * part * change, sign * twist) for sign, part in parts]
 
 
 def _disc_tips(
-    mu: float, radius: float, away: float, extra: FloatArray, offset: float, nominal: float
+    mu: float, radius: float, com: FloatArray, extra: FloatArray, offset: float, nominal: float
 ) -> list[Cone]:
-    """Return cones of tipping about a rim; the twist's share is pressed `away` from the middle."""
+    """Return cones of tipping about a rim; the twist's share is pressed below the com (3,)."""
+    away, height = float(np.hypot(*com[:2])), float(com[2])
     reach, across = radius + away, np.array([_TX, _TY])
     share = reach * _SHARE / (mu * (radius - away))
-    alongs = (radius * _FZ - share * twist for twist in _twists(extra, mu))
-    return [Cone("tips", across, along, reach * offset, nominal) for along in alongs]
+    if away <= _OFF_AXIS and mu * height > _FLAT * radius:
+        lean = share * radius / height * np.array([-extra[1], extra[0]])
+        pairs = _twisted(across, lean, share * extra[2])
+    else:
+        pairs = [(across, share * twist) for twist in _twists(extra, mu)]
+    return [
+        Cone("tips", each, radius * _FZ - twist, reach * offset, nominal) for each, twist in pairs
+    ]
 
 
 # ---- Contacts.
@@ -197,10 +226,11 @@ class Cup(_Checked):
         """Return the cones for a com (3,) in the contact's axes; `turns`: the part has inertia."""
         pull, mu, r = self.force / self.safety, self.friction, self.radius
         turns = turns or bool(np.hypot(*com[:2]) > _OFF_AXIS)
-        extra = _extra_moment(com * (0, 0, 1)) * turns
+        below = com * (0, 0, 1)
+        extra = _extra_moment(below) * turns
         return [
             *_slides(mu, r, extra, pull, mu * pull),
-            *_disc_tips(mu, r, 0.0, extra, pull, r * pull),
+            *_disc_tips(mu, r, below, extra, pull, r * pull),
         ]
 
 
@@ -230,7 +260,7 @@ class Tray(_Checked):
             r, away = self.foot / self.safety, float(np.hypot(*com[:2]))
             return [
                 *_slides(mu, r - away, extra, -kept, mu * weight),
-                *_disc_tips(mu, r, away, extra, -kept, r * weight),
+                *_disc_tips(mu, r, com, extra, -kept, r * weight),
             ]
         half = np.array(self.foot) / 2 / self.safety
         rho = float((half - abs(com[:2])).min())
