@@ -73,6 +73,13 @@ def fields_of(changes, status, location):
     return [[each.field for each in group] for tier in tiers for group in tier]
 
 
+def test_what_holds_a_part_comes_first_where_it_is_lost():
+    changes = [change("a", "effort"), change("b", "radius"), change("c", "holding")]
+    lost = Location(contact="cup slides, at rest")
+    first, second, _, unlikely = fields_of(changes, PlanStatus.NO_TRAJECTORY, lost)
+    assert (first, second, unlikely) == (["c"], ["b"], ["a"])
+
+
 def test_the_likeliest_kinds_about_the_place_come_first():
     changes = [
         change("point 3", "point", "point 3", "segment 2"),

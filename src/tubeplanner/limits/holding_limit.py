@@ -231,14 +231,15 @@ class HoldingLimit:
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return the refusal of the sample that leaves a cone at rest by most."""
         parts = self.parts(at)
-        sample = int((np.linalg.norm(parts.x0, axis=2) - parts.t0).max(axis=1).argmax())
+        excess = np.linalg.norm(parts.x0, axis=2) - parts.t0
+        sample, cone = np.unravel_index(int(excess.argmax()), excess.shape)
         q, problem = at.position[sample], at.problem
         reason = loss_at_rest(problem.robot, problem.holding, q) or "the held part is lost at rest"
         return Infeasible(
             PlanStatus.NO_TRAJECTORY,
             f"{reason}; keep the tool more level (tube.orientations and tube.rotation_tolerance), "
             "or hold the part better",
-            Location().at(at.tool_pose[1][sample]),
+            Location(contact=f"{self.names[cone]}, at rest").at(at.tool_pose[1][sample]),
             configuration=q,
         )
 

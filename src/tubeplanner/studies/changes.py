@@ -238,6 +238,8 @@ _HELPFUL = {
         ("radius", "sign", "point"),
     ),
 }
+# Of a part that is lost, whatever the status.
+_HOLDS = ("holding", "rotation_tolerance"), ("radius", "start", "goal", "point")
 # The kinds that are tried only if nothing else helps, whatever the cause.
 _LAST = ("points", "ends", "attached")
 # The kinds that remove the reported cause wherever it is.
@@ -265,6 +267,8 @@ def in_order(
     groups: tuple[list[Change], ...] = ([], [], [], [])
     first, second, elsewhere, unlikely = groups
     likelier, others = _HELPFUL.get(status, ((), ()))
+    if location.contact is not None:
+        likelier, others = _HOLDS
     kinds = (*likelier, *others)
     rank = {kind: k for k, kind in enumerate(kinds)}
     for change in sorted(changes, key=lambda change: rank.get(change.kind, len(kinds))):
