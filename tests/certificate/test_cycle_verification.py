@@ -102,7 +102,7 @@ def test_it_is_written_as_json(sound):
     assert list(fields["moves"]) == ["to_pick", "to_place", "back"]
     assert fields["moves"]["back"]["conditions"]["tube"]["satisfied"] is True
     junction = fields["seams"][SEAM]
-    assert list(junction) == ["continuity", "dwell", "effort"]
+    assert list(junction) == ["continuity", "dwell", "effort", "holding"]
     assert set(junction["dwell"]) == {"margin", "unit", "satisfied", "where", "coverage"}
     assert junction["dwell"]["margin"] == pytest.approx(0.0, abs=1e-12)
     assert junction["dwell"]["where"]["time"] == 2.0
