@@ -23,11 +23,11 @@ FORMAT = "tubeplanner/cycle"
 TOP = {"format", "version", "robot", "start", "obstacles", "clearance", "collision"}
 TOP |= {"closed", "moves", "objective"}  # of an objective nothing is asked
 MOVE = {"name", "tube", "goal", "limits", "clearance", "contacts", "collision", "pass_through"}
-MOVE |= {"objective"}
+MOVE |= {"objective", "holding"}
 STEPS = {
     "move": MOVE,
     "event": {"event", "set", "dwell"},
-    "attach": {"attach", "payload", "shape"},
+    "attach": {"attach", "payload", "shape", "holding"},
     "detach": {"detach", "leave_as_obstacle"},
 }
 TOUCHING = 1e-3  # [m]: links that are nearer to what is attached may touch it
@@ -163,12 +163,19 @@ class Cell:
         obstacles: Fields of solids in the base frame.
         attached: Fields of solids in the tool frame.
         loads: Payloads that were attached, by name.
+        held: What holds attached objects, by their names.
     """
 
     cycle: Cycle
     obstacles: list[dict[str, Any]]
     attached: list[dict[str, Any]]
     loads: dict[str, dict[str, Any]] = field(default_factory=dict)
+    held: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+
+    @property
+    def holding(self) -> list[dict[str, Any]]:
+        """What holds attached objects, as a problem's field."""
+        return [each for contacts in self.held.values() for each in contacts]
 
     @staticmethod
     def of(cycle: Cycle) -> "Cell":
@@ -212,6 +219,7 @@ class Cell:
     def _with(self, step: Step, arm: Arm, q: np.ndarray) -> "Cell":
         payload, shape = step.fields.get("payload"), step.fields.get("shape")
         loads = self.loads if payload is None else self.loads | {step.name: payload}
+        held = self.held | {step.name: _held_by(step.fields.get("holding"), payload)}
         standing = [each for each in self.obstacles if each["name"] != step.name]
         taken = [each for each in self.obstacles if each["name"] == step.name]
         if taken:
@@ -219,18 +227,19 @@ class Cell:
         elif shape is not None:
             solid = {**shape, "name": step.name}
         else:
-            return replace(self, loads=loads)
+            return replace(self, loads=loads, held=held)
         solid["touch_links"] = self._touching(solid, arm, q)
-        return Cell(self.cycle, standing, [*self.attached, solid], loads)
+        return Cell(self.cycle, standing, [*self.attached, solid], loads, held)
 
     def _without(self, step: Step, frame: pin.SE3) -> "Cell":
         loads = {name: load for name, load in self.loads.items() if name != step.name}
+        held = {name: contacts for name, contacts in self.held.items() if name != step.name}
         kept = [each for each in self.attached if each["name"] != step.name]
         gone = [each for each in self.attached if each["name"] == step.name]
         if not step.fields.get("leave_as_obstacle", True):
             gone = []
         left = [_moved(each, frame) for each in gone]
-        return Cell(self.cycle, [*self.obstacles, *left], kept, loads)
+        return Cell(self.cycle, [*self.obstacles, *left], kept, loads, held)
 
     def _tool_frame(self, arm: Arm, q: np.ndarray) -> pin.SE3:
         rotation, position = arm.tool(q[None])
@@ -266,8 +275,18 @@ def leg_problem(cycle: Cycle, leg: Leg, cell: Cell, start: dict[str, Any]) -> Pr
         "clearance": _clearance(cycle, leg, cell, [count_of(tube) for tube in tubes]),
         "collision": _collision(cycle, leg, cell),
         "contacts": _contacts(cycle, leg, cell, [count_of(tube) for tube in tubes]),
+        "holding": [*cell.holding, *_held_by(leg.moves[0].get("holding"), None)],
     }
     return problem_of(fields, cycle.folder)
+
+
+def _held_by(holding: Any, payload: dict[str, Any] | None) -> list[dict[str, Any]]:
+    """Return contacts as a list; parts that they do not have are a payload."""
+    contacts = holding if isinstance(holding, list) else [holding] * bool(holding)
+    return [
+        each if payload is None or "liquid" in each else {"part": payload} | each
+        for each in contacts
+    ]
 
 
 def robot_of(cycle: Cycle, leg: Leg, cell: Cell) -> dict[str, Any]:

@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from outside.conditions import RELATIVE, Condition
 from outside.cycle import Cell, Cycle, Step, leg_problem, read_cycle, read_times, robot_of
 from outside.distances import Pair, Poses, owners_of, signed_distance
 from outside.files import BadInput
+from outside.holding import judge_holding, read_holding
 from outside.judge import Judge
 from outside.problem import Contact, Problem
 from outside.trajectory import Trajectory, part_of, read_trajectory
@@ -165,16 +167,24 @@ class _CycleJudge:
         stop, start = self._ends[:k][-1:], self._begins[k : k + 1]
         q = (start or stop)[0]
         leg = min(k, len(self._cycle.legs) - 1)
-        arms = [self._arm(leg)]
+        arms, holding = [self._arm(leg)], [*self._cell.holding]
         for step in rest:
             self._cell = self._cell.after(step, arms[0], q)
             arms.append(self._arm(leg))
+            holding += self._cell.holding
         stay = part_of(self._motion, begin, end) if begin < end else None
         return {
             "continuity": judge_stay(arms[0], stop, stay, start, begin),
             "dwell": judge_dwell(rest, self._times.rests[k]),
             "effort": judge_hold(arms, q, end),
+            "holding": self._held(holding, q, end),
         }
+
+    def _held(self, holding: list[dict[str, Any]], q: np.ndarray, time: float) -> Condition:
+        """Return what contacts have left at rest in a configuration (n,)."""
+        still = Trajectory(self._arm(0).joint_names, np.array([0.0, 1.0]), q[None, None])
+        found = judge_holding(read_holding(holding), self._arm(0), still, still.samples(2))
+        return found if found.time is None else replace(found, time=time)
 
     def _arm(self, k: int) -> Arm:
         """Return the arm of a leg with what the cell now says that it carries."""

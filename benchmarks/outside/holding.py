@@ -25,7 +25,7 @@ NEAR_FRACTION = 0.01  # relative: where steps are divided
 MOST_NEAR = 100  # samples beside which they are
 PARTS = 20  # into so many
 KINDS = {
-    "cup": {"force", "radius", "friction", "safety", "position", "normal"},
+    "cup": {"force", "radius", "diameter", "vacuum", "friction", "safety", "position", "normal"},
     "tray": {"friction", "foot", "safety", "position", "normal"},
     "gripper": {"force", "friction", "pad", "torsion", "safety", "position", "closing"},
     "liquid": {"tilt", "position", "normal"},
@@ -114,6 +114,10 @@ def _held(given: Any) -> Held:
     masses = np.concatenate([[mass - 2 * pairs.sum()], pairs, pairs])
     frame = np.vstack([middle, middle + axes])
     filled = {"safety": SAFETY.get(kind, 1.0)} | fields
+    if "diameter" in fields:
+        filled["radius"] = fields["diameter"] / 2
+    if "vacuum" in fields:
+        filled["force"] = fields["vacuum"] * np.pi * filled["radius"] ** 2
     return Held(kind, filled, mass, points, masses, frame, axes @ (com - middle))
 
 
