@@ -12,6 +12,7 @@ from tubeplanner.execution.held_parts import LOST, MOVED, executed_uses, most_us
 from tubeplanner.execution.plants import Draw, drawn_plants
 from tubeplanner.execution.run_verdict import judged_runs, run_verdict
 from tubeplanner.execution.simulation import AFTERWARDS, Execution
+from tubeplanner.output.execution_curves import holding_band
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.demands import Robustness
 from tubeplanner.task.holding import Cup, Gripper, Holding, Liquid, Tray
@@ -150,3 +151,13 @@ def test_the_same_seed_moves_the_part_by_the_same(tmp_path):
     )
     assert one == other
     assert len(set(one)) == 3
+
+
+def test_the_figures_band_is_what_plan_and_runs_leave_of_the_contact(tmp_path):
+    problem, motion = held_by(tmp_path, LOW_TRAY, replace(PART, inertia=6 * (0.0,))), along(1.5)
+    execution = executed_by(problem, motion, runs=2, friction=0.2)
+    band = holding_band(problem, motion, execution)
+    assert band.plan.min() == pytest.approx(1 - 1.5 / SLIDES, abs=2e-3)
+    assert band.runs.shape == (2, len(execution.time))
+    np.testing.assert_allclose(band.runs[1], band.plan, atol=1e-2)
+    assert holding_band(replace(problem, holding=()), motion, execution) is None

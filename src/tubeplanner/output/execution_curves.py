@@ -1,11 +1,12 @@
 """Curves of executed runs: tool paths inside and outside the tube, quantities over time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.execution.excursions import additional_distances, obstacle_distances, tube_margins
+from tubeplanner.execution.held_parts import executed_uses
 from tubeplanner.execution.run_verdict import executed_legs
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.task.motion import Motion
@@ -87,6 +88,34 @@ def obstacle_band(
     )
     distance[np.isinf(distance)] = np.nan  # not drawn
     return Band(time, distance[0], distance[1:])
+
+
+_LEAST_SPARE = -1.0  # twice of what a contact carries; beyond, curves would hide the others
+
+
+def holding_band(
+    problem: PlanningProblem, trajectory: JointTrajectory, execution: Execution
+) -> Band | None:
+    """Return the spare share of what contacts carry at safety 1; None: no part is held.
+
+    Of several contacts the least; at least -1.
+    """
+    if not problem.holding:
+        return None
+    plant = replace(execution.plants[0], contact_friction=1.0, part_mass=1.0)
+    ordered = trajectory.reordered(problem.robot.joint_names)
+    time = np.minimum(execution.time, ordered.duration)
+    speed = ordered.velocity(time) * (execution.time <= ordered.duration)[:, None]
+    q = ordered.position(time)
+    plan = replace(execution, plants=[plant], position=q[None], velocity=speed[None])
+    runs = [(plan, 0), *((execution, run) for run in range(len(execution.plants)))]
+    spare = np.array(
+        [
+            1 - np.max([use.share for use in executed_uses(problem, each, run)], axis=0)
+            for each, run in runs
+        ]
+    ).clip(min=_LEAST_SPARE)
+    return Band(execution.time, spare[0], spare[1:])
 
 
 def _planned(problem: PlanningProblem, trajectory: JointTrajectory, time: FloatArray) -> FloatArray:

@@ -33,6 +33,7 @@ from tubeplanner.output.execution_curves import (
     ExecutedPaths,
     ToolRuns,
     executed_paths,
+    holding_band,
     obstacle_band,
     tool_runs,
 )
@@ -65,8 +66,8 @@ def plot_execution(
     Left the tool's paths in one or two planes and close up, in another colour where they leave
     the tube. Right, over time, of the plan and of all runs: the tool's margin inside the tube; its
     margin inside the rotation tolerance, if there is one; the distance of links from obstacles, if
-    there are any; the tool's distance from the plan; the percentage of runs with each motor at its
-    limit.
+    there are any; the spare share of what contacts carry, if a part is held; the tool's distance
+    from the plan; the percentage of runs with each motor at its limit.
 
     Args:
         problem: The planning problem.
@@ -158,7 +159,11 @@ def _over_time(
     """Return the functions that draw the panels over time, from top to bottom."""
     is_cycle, problem = legs[0].leg is not None, legs[0].problem
     distances: list[Band | None] = []
+    spare: list[Band | None] = []
     for leg in legs:
+        share = holding_band(leg.problem, leg.trajectory, leg.execution)
+        # Panels are in thousandths; these are percent.
+        spare.append(share and Band(share.time, share.plan / 10, share.runs / 10))
         band = obstacle_band(leg.problem, leg.trajectory, leg.execution)
         if band is not None and is_cycle:  # each leg requires a clearance of its own
             required = leg.problem.clearance
@@ -170,6 +175,7 @@ def _over_time(
         ("inside the tube [mm]", 0.0, [tool.tube for tool in tools]),
         ("inside the rotation\ntolerance [mrad]", 0.0, [tool.rotation for tool in tools]),
         (f"{word} [mm]", least, distances),
+        ("spare of what\ncontacts carry [%]", 0.0, spare),
     )
     draws: list[Callable[[Axes], None]] = [
         partial(draw_margin, band=_joined(legs, bands), label=label, least=bound)
