@@ -121,7 +121,7 @@ ROBOT = (
     "locked_joints, gravity, payload, attached, limits, motors, preset, limits_file"
 )
 LIMITS = (
-    "effort, velocity, position, acceleration, jerk, scale, tool_speed, "
+    "effort, velocity, position, acceleration, jerk, scale, tool_speed, tool_acceleration, "
     "velocity_tolerance, effort_rate, velocity_by_position, point_speed, "
     "position_margin"
 )
@@ -131,7 +131,7 @@ MOTORS = (
 )
 TUBE = (
     "route, points, cross_section, radius, tool_radius, joint_signs, orientations, "
-    "rotation_tolerance, tool_speed, visit, pass_through_points"
+    "rotation_tolerance, tool_speed, tool_acceleration, visit, pass_through_points"
 )
 OBSTACLE = (
     "name, box, sphere, cylinder, capsule, mesh, points, size, scale, position, rpy, quaternion"
