@@ -47,13 +47,17 @@ class Picture(NamedTuple):
 PICTURES = {
     "demo": Picture(
         "python docs/moving_picture.py demo.webp",
-        "The cycle of `make demo`, in real time: the tool stays in the tube of each move, and no "
-        "curve crosses its limit.",
+        "The cycle of `make demo`, in real time: the tool stays in the tube of each move, no curve "
+        "crosses its limit, and the beaker stays on its tray.",
         ending="webp",
     ),
     "over_the_wall": Picture(
         "tubeplanner plan example:ur5/over_the_wall --plot over_the_wall.png",
         "Some limit on the speed binds nearly all the time: the motion could hardly be faster.",
+    ),
+    "waiter": Picture(
+        "tubeplanner plan example:ur5/waiter --plot waiter.png",
+        "A tray leans into the motion: what holds the glass binds most of the time.",
     ),
     "compared": Picture(
         "tubeplanner compare example:two_link/paper_5_50mm --quality fast --plot compared.png",

@@ -1,7 +1,7 @@
 """The moving picture of the README: python docs/moving_picture.py FILE.webp.
 
-The cycle of `make demo` in real time: the arm in the tube of each move, and beside it velocities,
-accelerations and tool speed against their limits.
+The cycle of `make demo` in real time: the arm in the tube of each move, and beside it velocities
+and accelerations against their limits, and how much is used of what holds the carried part.
 """
 
 import sys
@@ -30,6 +30,7 @@ from tubeplanner.output.drawing import (
 from tubeplanner.output.figures.rendering import RenderedSolid, SpaceView, rendered
 from tubeplanner.output.figures.space_panel import tube_solids
 from tubeplanner.output.link_visuals import carried_surfaces, link_parts
+from tubeplanner.task.cycle import Cell
 from tubeplanner.task.steps import Attach
 
 if TYPE_CHECKING:
@@ -71,10 +72,15 @@ class Scene:
         (left, bottom), (right, top) = picture.low, picture.high
         return picture.pixels, (left, right, bottom, top)
 
+    def _cell_at(self, time: float) -> Cell:
+        """Return what stands in the cell, and what the arm carries, at a time [s]."""
+        begun = [k for k, (begin, _) in enumerate(self.motion.leg_times) if begin <= time]
+        return self._cells[begun[-1] if begun else 0]
+
     def _arm(self, time: float) -> list[RenderedSolid]:
         """Return the links and the carried parts at a time [s]."""
         rotation, position = self.cycle.robot.body_poses(self.motion.trajectory.position([time]))
-        attached = self._cells[self.motion.leg_at(time)].attached
+        attached = self._cell_at(time).attached
         parts = [(each.body, each.surface, np.array(each.color)) for each in self._links]
         for body, _, surface in carried_surfaces(self.cycle.robot, attached):
             parts.append((body, surface, rgb(CARRIED_COLOR)))
@@ -88,7 +94,7 @@ class Scene:
     def _cell(self, time: float) -> list[RenderedSolid]:
         """Return the obstacles at a time [s]: parts opaque, all others translucent."""
         solids = []
-        for obstacle in self._cells[self.motion.leg_at(time)].obstacles:
+        for obstacle in self._cell_at(time).obstacles:
             surface = joined(map(shape_surface, obstacle.shapes))
             if obstacle.name in self._taken:
                 solids.append(RenderedSolid(surface, rgb(CARRIED_COLOR)))
@@ -176,7 +182,7 @@ class Frames:
     def _draw_panels(self) -> None:
         """Draw the curves over time, each with its limit."""
         titles = ("joint velocity, % of limit", "joint acceleration, % of limit")
-        for row, title in enumerate((*titles, "tool speed, m/s")):
+        for row, title in enumerate((*titles, "hold of the beaker on the tray, % used")):
             axis = self._figure.add_axes((0.655, 0.735 - 0.285 * row, 0.333, 0.205))
             axis.set_title(title, fontsize=10.5, loc="left", pad=4)
             axis.tick_params(labelsize=9, length=2)
@@ -189,7 +195,8 @@ class Frames:
                 for limit in (-100, 100):
                     axis.axhline(limit, color="#333333", linewidth=1.0, linestyle="--")
             else:
-                axis.set_ylim(0, 1.95)
+                axis.set(ylim=(0, 115), yticks=(0, 50, 100))
+                axis.axhline(100, color="#333333", linewidth=1.0, linestyle="--")
             if row < 2:
                 axis.set_xticklabels([])
             self._add_cursor(axis)
@@ -198,8 +205,8 @@ class Frames:
         """Draw the curves of a leg or of a rest into a panel."""
         limits, samples = run.problem.robot.limits, run.samples
         if row == 2:
-            axis.plot(samples.time, run.speed, color=PATH_COLOR, linewidth=1.6)
-            axis.plot(samples.time, run.speed_limit, color="#333333", linewidth=1.0, linestyle="--")
+            for use in run.holding:
+                axis.plot(samples.time, 100 * use.share, color=PATH_COLOR, linewidth=1.6)
             return
         values = samples.acceleration if row else samples.velocity
         bound = limits.acceleration if row else limits.velocity

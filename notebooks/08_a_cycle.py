@@ -50,8 +50,8 @@ QUICK = PlanOptions(quality="fast", slack=0.0)
 # %% [markdown]
 # ## The file
 #
-# A Panda takes a tray with a beaker out of one shelf and carries it level to the next shelf. A
-# cycle file has moves, each with its tube. Between the moves it has steps at rest: events with a
+# A Panda takes a tray with a beaker out of one shelf and carries it level to the next shelf; the
+# beaker must not slide on the tray. A cycle file has moves, each with its tube. Between the moves it has steps at rest: events with a
 # duration, attached parts and detached parts.
 
 # %%
@@ -272,8 +272,8 @@ for handover in verdicts.handovers:
 plot_cycle_execution(result.motion, execution, verdicts)
 
 # %% [markdown]
-# The shortest motion touches the borders of its tubes, so arms with errors cross them by up to half
-# a millimetre. The bottom panel is empty: no motor is at its effort limit. At attachments and
+# The shortest motion touches the borders of its tubes, so arms with errors cross them by some
+# tenths of a millimetre. The bottom panel is empty: no motor is at its effort limit. At attachments and
 # detachments the arm is at rest; the errors left there are those of its base, its tool and the
 # feedback. The same on the command line:
 #

@@ -215,7 +215,8 @@ def draw_holding(axis: "Axes", curves: TrajectoryCurves) -> None:
     axis.axhline(100.0, **LIMIT)
     axis.set_ylim(0.0, 130.0)
     axis.set_ylabel("holding used [%]")
-    axis.legend(fontsize=8, loc="upper center", ncols=2)
+    if curves.holding:  # in some legs of a cycle nothing is held
+        axis.legend(fontsize=8, loc="upper center", ncols=2)
 
 
 def mark_segments(
