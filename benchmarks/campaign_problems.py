@@ -29,8 +29,8 @@ from outside.arm import Arm, placed, solid_geometry
 from outside.distances import Poses, least_margin
 from outside.files import BUNDLED, BadInput
 from outside.problem import Problem, read_distances
-from outside.tube import rotation_error
-from outside.tube_fields import TubeFields
+from outside.tube import rotation_error, tool_rate
+from outside.tube_fields import OF_TOOL, TubeFields
 from outside_judge import Judge, passes
 
 MAX_ATTEMPTS = 60
@@ -41,10 +41,10 @@ MAX_OBSTACLES, MAX_DRAWS, MAX_SHIFTS = 4, 12, 4
 MOTOR_FRACTION, ATTACHED_FRACTION, BOX_FRACTION, SPEED_FRACTION = 0.2, 0.12, 0.2, 0.2
 CONCAVE = "groove.stl"
 PER_SEGMENT = ("points", "radius", "joint_signs", "orientations", "rotation_tolerance")
-PER_SEGMENT += ("cross_section", "tool_speed")
+PER_SEGMENT += ("cross_section", *OF_TOOL)
 PART = BUNDLED / "ur5" / "part.stl"
 JERK, ACCELERATION = (20.0, 2000.0), (2.0, 30.0)  # [rad/s^3 or m/s^3], [rad/s^2 or m/s^2]
-FASTER = (1.3, 30.0)  # limits on the tool's speed, in the witness's
+FASTER = (1.3, 30.0)  # limits on the tool's speed and acceleration, in the witness's
 _GROOVE = np.array([[0, 0], [3, 0], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]], dtype=float)
 _GROOVE_FACES = np.array([[0, 1, 4], [0, 4, 5], [1, 2, 3], [1, 3, 4], [0, 5, 6], [0, 6, 7]])
 # Shares of the effort limit that friction takes, viscous at the velocity limit; of the effort limit
@@ -165,11 +165,15 @@ def with_boxes(rng: np.random.Generator, tube: dict[str, Any], witness: Witness)
     return tube | {"radius": radii, "cross_section": sections}
 
 
-def tool_speeds(rng: np.random.Generator, arm: Arm, witness: Witness) -> list[float | None]:
-    """Return limits on the tool's speed in some segments, above those of the witness [m/s]."""
-    position = arm.tool(witness.q)[1]
-    step = witness.trajectory.duration / (ROWS - 1)
-    speed = np.linalg.norm(np.diff(position, axis=0), axis=1) / step
+def tool_limits(
+    rng: np.random.Generator, arm: Arm, witness: Witness, name: str
+) -> list[float | None]:
+    """Return limits on the tool's speed or acceleration in some segments, above the witness's."""
+    if name == "tool_speed":
+        step = witness.trajectory.duration / (ROWS - 1)
+        speed = np.linalg.norm(np.diff(arm.tool(witness.q)[1], axis=0), axis=1) / step
+    else:
+        speed = tool_rate(arm, witness.trajectory, witness.trajectory.samples(ROWS), name)
     limits: list[float | None] = []
     for a, b in pairwise(witness.gates):
         # Where parts of the tube overlap, the witness may be in either.
@@ -293,6 +297,7 @@ def _kinds(fields: dict[str, Any], arm: Arm) -> tuple[str, ...]:
         "signs": any(tube.get("joint_signs", [])),
         "boxes": "cross_section" in tube,
         "tool speeds": "tool_speed" in tube,
+        "tool accelerations": "tool_acceleration" in tube,
         "open goal": "goal" not in fields,
     }
     return tuple(name for name, value in has.items() if value)
@@ -364,7 +369,10 @@ def _tube(rng: np.random.Generator, arm: Arm, witness: Witness) -> dict[str, Any
     if rng.random() < BOX_FRACTION:
         tube = with_boxes(rng, tube, witness)
     if rng.random() < SPEED_FRACTION:
-        tube["tool_speed"] = tool_speeds(rng, arm, witness)
+        tube["tool_speed"] = tool_limits(rng, arm, witness, "tool_speed")
+    own = np.random.Generator(rng.bit_generator.jumped())  # what is drawn elsewhere stays as it is
+    if own.random() < SPEED_FRACTION:
+        tube["tool_acceleration"] = tool_limits(own, arm, witness, "tool_acceleration")
     return tube
 
 

@@ -22,6 +22,7 @@ from campaign_planner import PlannerProcess
 from campaign_problems import PER_SEGMENT, Built, build, reversed_problem, write
 from campaign_witness import BUNDLED, Unsuitable, bundled_arm, random_chain
 from outside.files import find_urdf, placement_of, read_description
+from outside.tube_fields import OF_TOOL
 from outside_judge import judge, passes
 from shared import HERE
 
@@ -188,7 +189,7 @@ def similar(built: Built, similarity: Similarity) -> Fields:
     fields["obstacles"] = [similarity.pose(solid) for solid in fields.get("obstacles", [])]
     fields["clearance"] = size * fields.get("clearance", 0.0)
     tube["points"] = [similarity.point(point) for point in tube["points"]]
-    for key in ("radius", "tool_speed"):
+    for key in ("radius", *OF_TOOL):
         tube[key] = [each and size * each for each in tube.get(key, [None] * len(tube["radius"]))]
     if "cross_section" in tube:
         tube["cross_section"] = [
@@ -337,10 +338,9 @@ def _higher(built: Built) -> Fields:
         stated = {n: x for n, x in own.items() if x is not None and math.isfinite(x)}
         values = stated | limits.get(quantity, {})
         higher[quantity] = {name: _higher_limit(value) for name, value in values.items()}
-    speeds = built.fields["tube"].get("tool_speed")
     tube = built.fields["tube"]
-    if speeds:
-        tube = tube | {"tool_speed": [speed and HIGHER * speed for speed in speeds]}
+    for name in OF_TOOL:
+        tube = tube | {name: [most and HIGHER * most for most in tube.get(name) or []] or None}
     return _with_limits(built, higher) | {"tube": tube}
 
 

@@ -34,7 +34,7 @@ from outside.joint_limits import (
     read_points,
 )
 from outside.problem import Problem
-from outside.tube_fields import speed_of
+from outside.tube_fields import OF_TOOL, limit_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +50,7 @@ class Limits:
         effort: The most anywhere, either way, shape (n,) [N m or N].
         effort_rate: Shape (n,) [N m/s or N/s].
         tool_speed: Of the tool centre point, whatever the segment [m/s].
+        tool_acceleration: Likewise [m/s^2].
         laws: Of velocities that depend on the position.
         points: Whose speed is limited.
         by_place: What each joint's motor has where and which way.
@@ -63,6 +64,7 @@ class Limits:
     effort: np.ndarray
     effort_rate: np.ndarray
     tool_speed: float
+    tool_acceleration: float
     laws: list[Law] = field(default_factory=list)
     points: list[Point] = field(default_factory=list)
     by_place: list[EffortLimit] = field(default_factory=list)
@@ -421,7 +423,7 @@ def _limits(
         row("jerk", [joint.jerk for joint in joints]),
         np.array([limit.largest for limit in by_place]),
         row("effort_rate", list(free)),
-        speed_of(fields.get("tool_speed"), "robot.limits.tool_speed"),
+        *(limit_of(fields.get(name), f"robot.limits.{name}") for name in OF_TOOL),
         by_place=by_place,
     )
 

@@ -318,8 +318,8 @@ def joined_tubes(tubes: list[dict[str, Any]], folder: Path) -> dict[str, Any]:
             raise BadInput("tubes without a stop between them differ in what they have once")
     joined = {key: tubes[0].get(key, default) for key, default in SHARED.items()}
     joined["points"] = _chained([tube["points"] for tube in tubes])
-    for key, empty in (("radius", None), ("tool_speed", None), ("cross_section", None)):
-        rows = [row for tube in tubes for row in _per_segment(tube.get(key), count_of(tube), empty)]
+    for key in ("radius", "tool_speed", "tool_acceleration", "cross_section"):
+        rows = [row for tube in tubes for row in _per_segment(tube.get(key), count_of(tube), None)]
         if any(row is not None for row in rows):
             joined[key] = rows
     signs = [_per_segment(tube.get("joint_signs"), count_of(tube), {}) for tube in tubes]

@@ -19,7 +19,7 @@ from outside.files import BUNDLED, BadInput, Joint, find_file, read_document
 from outside.problem import LIMITS, MOTORS, Problem
 from outside.trajectory import Samples, Trajectory
 
-WHOLE = {"tool_speed", "point_speed"}  # of a robot, rather than of its joints
+WHOLE = {"tool_speed", "tool_acceleration", "point_speed"}  # of a robot, rather than of its joints
 MOVEIT = {
     "max_velocity": "velocity",
     "max_acceleration": "acceleration",

@@ -23,6 +23,7 @@ from outside.holding import judge_holding, read_holding
 from outside.problem import Distances, Problem, read_problem
 from outside.trajectory import Samples, Trajectory
 from outside.tube import CONDITIONS, Least, Visits, judge_points, judge_tube
+from outside.tube_fields import OF_TOOL
 
 SAMPLES = 5000
 PARTS = 20  # into which steps are divided where links come nearest
@@ -172,7 +173,7 @@ class Judge:
         joint = least.joint
         slides = joint is not None and self.arm.slides[joint]
         unit = "m" if name in ("tube", "points") or slides else "rad"
-        unit = RELATIVE if name == "tool_speed" else unit
+        unit = RELATIVE if name in OF_TOOL else unit
         if not np.isfinite(least.margin):
             return Condition(None, unit)
         numbers = self.problem.tube.numbers

@@ -2,8 +2,9 @@
 
 Of all visits of the segments in order, those are taken whose least margin is greatest. The
 margin of an instant in a segment is the least of that of the capsule or box [m], of the joints'
-signs or ranges [rad, m], of the rotation tolerance [rad], of the tool's speed (relative) and of the
-links' clearance [m], if that is not the same in all; at a switching time both segments' count.
+signs or ranges [rad, m], of the rotation tolerance [rad], of the tool's speed and
+acceleration (relative) and of the links' clearance [m], if that is not the same in all; at a
+switching time both segments' count.
 """
 
 import math
@@ -18,9 +19,10 @@ from outside.trajectory import Samples, Trajectory
 from outside.tube_fields import TubeFields, box_margin
 
 State = tuple[int, bool, bool]
-CONDITIONS = ("tube", "joint_signs", "rotation", "tool_speed", "clearance")
+CONDITIONS = ("tube", "joint_signs", "rotation", "tool_speed", "tool_acceleration", "clearance")
 NEAR = 1e-3  # [m, rad, relative]: steps beside a smaller margin are looked at again, divided
 PARTS = 20  # into so many
+BESIDE = 1e-5  # [s] by which velocities are apart whose difference is an acceleration
 MAX_LOOKS_BETWEEN = 4
 MAX_ROUNDS = 40  # of dividing the steps where the least margin is; each gains a factor of 20
 MAX_WORST = 20  # samples with the same least margin: a tool may go on at its limit
@@ -183,6 +185,22 @@ def region_margin(tube: TubeFields, position: np.ndarray, segment: int) -> np.nd
     return box_margin(begin, end, section, tube.tool_radius, position)
 
 
+def tool_rate(arm: Arm, trajectory: Trajectory, samples: Samples, name: str) -> np.ndarray:
+    """Return the tool's speed [m/s] or acceleration [m/s^2] at samples, shape (N,).
+
+    The acceleration is that of the joints' parabola: a difference of velocities beside.
+    """
+    q, v, a = (trajectory.at(samples, order) for order in range(3))
+    if name == "tool_speed":
+        rate = arm.tool_velocity(q, v)
+    else:
+        sides = (step * BESIDE for step in (1, -1))
+        after, before = (arm.tool_velocity(q + (v + a * s / 2) * s, v + a * s) for s in sides)
+        rate = (after - before) / (2 * BESIDE)
+    size: np.ndarray = np.linalg.norm(rate, axis=1)
+    return size
+
+
 def judge_points(
     tube: TubeFields,
     arm: Arm,
@@ -263,6 +281,7 @@ class _Margins:
     joint_signs: np.ndarray
     rotation: np.ndarray
     tool_speed: np.ndarray
+    tool_acceleration: np.ndarray
     clearance: np.ndarray
     joint: np.ndarray
 
@@ -353,12 +372,17 @@ def _margins(
     segments: np.ndarray | None = None,
 ) -> _Margins:
     """Return the margins of N samples in all segments, (N, m), or in one per sample, (N, 1)."""
-    q, fastest = trajectory.at(samples), np.minimum(tube.speed, arm.limits.tool_speed)
+    q, count = trajectory.at(samples), len(tube.radius)
     rotation, position = arm.tool(q)
-    speed = np.zeros(len(q))
-    if np.isfinite(fastest).any():
-        speed = np.linalg.norm(arm.tool_velocity(q, trajectory.at(samples, 1)), axis=1)
-    count = len(tube.radius)
+    own = np.full(count, math.inf) if tube.acceleration is None else tube.acceleration
+    limits = {
+        "tool_speed": np.minimum(tube.speed, arm.limits.tool_speed),
+        "tool_acceleration": np.minimum(own, arm.limits.tool_acceleration),
+    }
+    reached = {
+        name: tool_rate(arm, trajectory, samples, name) if np.isfinite(limit).any() else 0 * q[:, 0]
+        for name, limit in limits.items()
+    }
     shape = (len(q), count if segments is None else 1)
     free = np.full((len(CONDITIONS), *shape), math.inf)
     found = _Margins(counted, *free, np.zeros(shape, dtype=int))
@@ -376,8 +400,9 @@ def _margins(
             error = rotation_error(tube, rotation[rows], position[rows], k)
             sizes = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
             found.rotation[rows, column] = (tube.bounds[k] - sizes).min(axis=1)
-        if np.isfinite(fastest[k]):
-            found.tool_speed[rows, column] = 1 - speed[rows] / fastest[k]
+        for name, limit in limits.items():
+            if np.isfinite(limit[k]):
+                getattr(found, name)[rows, column] = 1 - reached[name][rows] / limit[k]
         for name, (lower, upper) in tube.ranges[k].items():
             joint = arm.joint_names.index(name)
             inside = np.minimum(q[rows, joint] - lower, upper - q[rows, joint])

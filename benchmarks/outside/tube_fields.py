@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 from outside.files import BadInput, require_known
 
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
-TUBE |= {"tool_speed", "visit", "pass_through_points", "cross_section"}
+OF_TOOL = ("tool_speed", "tool_acceleration")  # [m/s], [m/s^2]
+TUBE |= {*OF_TOOL, "visit", "pass_through_points", "cross_section"}
 SIGNS = {"+": (0.0, math.inf), "-": (-math.inf, 0.0), "0": (-math.inf, math.inf)}
 SIGNS_BY_NUMBER = {1: "+", -1: "-", 0: "0"}
 REPEATED = 1e-6  # [m]
@@ -59,6 +60,7 @@ class TubeFields:
         sections: Width and height [m] and what is upward, None for a disc, for each segment; None:
             discs alone.
         tool_radius: What is taken off the radii, and to be taken off the boxes [m].
+        acceleration: As `speed`, of the tool's acceleration [m/s^2], or None.
     """
 
     points: np.ndarray
@@ -73,6 +75,7 @@ class TubeFields:
     numbers: list[int]
     sections: list[Section | None] | None = None
     tool_radius: float = 0.0
+    acceleration: np.ndarray | None = None
 
     def some(self, kept: list[int]) -> "TubeFields":
         """Return the tube with some of its points; each segment is the one that ends there."""
@@ -91,6 +94,7 @@ class TubeFields:
             [self.numbers[k] for k in kept],
             None if self.sections is None else [self.sections[k] for k in segments],
             self.tool_radius,
+            None if self.acceleration is None else self.acceleration[segments],
         )
 
     def same(self, one: int, other: int) -> bool:
@@ -101,6 +105,7 @@ class TubeFields:
             and (self.sections is None or self.sections[one] == self.sections[other])
             and self.ranges[one] == self.ranges[other]
             and self.speed[one] == self.speed[other]
+            and (self.acceleration is None or self.acceleration[one] == self.acceleration[other])
             and self.clearance[one] == self.clearance[other]
             and (bounds is None or (bounds[one] == bounds[other]).all())
         )
@@ -134,8 +139,8 @@ def bounds_of(tolerance: Any, count: int) -> np.ndarray:
     return bounds
 
 
-def speed_of(value: Any, name: str) -> float:
-    """Return a limit on the tool's speed [m/s], infinite if there is none.
+def limit_of(value: Any, name: str) -> float:
+    """Return a limit on the tool's speed or acceleration, infinite if there is none.
 
     Raises:
         BadInput: It is no positive number.
@@ -332,13 +337,14 @@ def tube_of(fields: Any, clearance: np.ndarray) -> TubeFields:
         [{name: _range(sign) for name, sign in (row or {}).items()} for row in maps],
         None if orientations is None else np.array(orientations, dtype=float),
         None if tolerance is None else bounds_of(tolerance, count),
-        _speeds(fields.get("tool_speed"), count),
+        _limits(fields, "tool_speed", count),
         clearance,
         visit == "ordered",
         [],
         list(range(count + 1)),
         sections,
         tool_radius,
+        _limits(fields, "tool_acceleration", count),
     )
     return _reduced(tube, fields.get("pass_through_points", "corners"))
 
@@ -363,11 +369,12 @@ def _range(sign: Any) -> tuple[float, float]:
     return SIGNS[SIGNS_BY_NUMBER.get(sign, sign)]
 
 
-def _speeds(given: Any, count: int) -> np.ndarray:
+def _limits(fields: Any, name: str, count: int) -> np.ndarray:
+    given = fields.get(name)
     entries = given if isinstance(given, list) else [given] * count
     if len(entries) != count:
-        raise BadInput(f"tube.tool_speed has {len(entries)} entries for {count} segments")
-    return np.array([speed_of(value, "tube.tool_speed") for value in entries])
+        raise BadInput(f"tube.{name} has {len(entries)} entries for {count} segments")
+    return np.array([limit_of(value, f"tube.{name}") for value in entries])
 
 
 def _straightness(points: np.ndarray, k: int, near: float) -> float:

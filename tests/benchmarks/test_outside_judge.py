@@ -24,7 +24,7 @@ from outside.files import BadInput, find_urdf
 from outside.problem import read_problem
 from outside.trajectory import Samples, Trajectory, read_trajectory
 from outside.tube import ordered_visits
-from outside.tube_fields import bounds_of, box_margin, radii, read_sections
+from outside.tube_fields import OF_TOOL, bounds_of, box_margin, radii, read_sections
 from outside_judge import TOLERANCE, Judge, main, passes
 from tubeplanner.output.files.trajectory_writer import trajectory_json
 from tubeplanner.resources import bundled_problems, example_robot_names, find_description
@@ -37,7 +37,7 @@ REST_TO_REST = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])  # a unit step in a u
 
 
 class Motion(NamedTuple):
-    """Joints at samples, shape (N, n), and the speed of the tool there, shape (N,) [m/s]."""
+    """Joints at samples, shape (N, n), and the tool's speed [m/s] and acceleration there, (N,)."""
 
     samples: Samples
     q: np.ndarray
@@ -46,6 +46,7 @@ class Motion(NamedTuple):
     jerk: np.ndarray
     effort: np.ndarray
     tool_speed: np.ndarray
+    tool_acceleration: np.ndarray
 
 
 class Case:
@@ -66,8 +67,9 @@ class Case:
     def motion(self, count=5000):
         samples = self.trajectory.samples(count)
         q, v, a, jerk = (self.trajectory.at(samples, order) for order in range(4))
-        tool_speed = np.linalg.norm(self.robot.tool_velocity(q, v)[0], axis=1)
-        return Motion(samples, q, v, a, jerk, self.robot.inverse_dynamics(q, v, a), tool_speed)
+        tool = (self.robot.tool_velocity(q, v)[0], self.robot.tool_motion(q, v, a)[:, :3])
+        sizes = (np.linalg.norm(rate, axis=1) for rate in tool)
+        return Motion(samples, q, v, a, jerk, self.robot.inverse_dynamics(q, v, a), *sizes)
 
     def add(self, piece, polynomial):
         """Add a polynomial in the fraction of a piece to the first joint, highest power first."""
@@ -165,6 +167,14 @@ CHANGES = [
     ("tube.joint_signs.joint2", "joint_signs", lambda m: [-3.0, m.q[:, 1].max() - SLIGHTLY]),
     ("tube.tool_speed", "tool_speed", lambda m: [None, m.tool_speed.max() * ALMOST, None]),
     ("robot.limits.tool_speed", "tool_speed", lambda m: m.tool_speed.max() * ALMOST),
+    *(
+        (
+            f"{where}.tool_acceleration",
+            "tool_acceleration",
+            lambda m: m.tool_acceleration.max() * ALMOST,
+        )
+        for where in ("tube", "robot.limits")
+    ),
     ("robot.limits.position.joint1", "position", lambda m: [-6.0, m.q[:, 0].max() - SLIGHTLY]),
     (
         "robot.limits.position_margin.joint1",
@@ -324,16 +334,17 @@ def test_what_is_kept_is_no_fault(change, case):
     assert case.broken() == set()
 
 
-def test_a_tools_speed_that_is_kept_is_no_fault(case):
-    fastest = case.motion().tool_speed.max()
-    case.tube["tool_speed"] = [None, fastest * MORE, None]
-    case.put("robot.limits.tool_speed", fastest * (1 + SLIGHTLY / 2))
+@pytest.mark.parametrize("name", ["tool_speed", "tool_acceleration"])
+def test_what_a_tool_keeps_is_no_fault(case, name):
+    most = getattr(case.motion(), name).max()
+    case.tube[name] = [most * MORE] * 3
+    case.put(f"robot.limits.{name}", most * (1 + SLIGHTLY / 2))
     conditions = case.judged()
     assert passes(conditions)
-    assert conditions["tool_speed"].margin == pytest.approx(SLIGHTLY / 2, abs=5e-6)
-    assert conditions["tool_speed"].unit == "relative"
-    case.tube["tool_speed"] = fastest * (1 + SLIGHTLY / 4)
-    assert case.judged()["tool_speed"].margin == pytest.approx(SLIGHTLY / 4, abs=5e-6)
+    assert conditions[name].margin == pytest.approx(SLIGHTLY / 2, abs=5e-6)
+    assert conditions[name].unit == "relative"
+    case.tube[name] = most * (1 + SLIGHTLY / 4)
+    assert case.judged()[name].margin == pytest.approx(SLIGHTLY / 4, abs=5e-6)
 
 
 def test_motors_that_have_enough_are_no_fault(case):
@@ -358,6 +369,7 @@ BOX = {"box": [1, 1], "up": [0, 0, 1]}
         ("tube.colour", None, "tube.colour"),
         ("tube.tool_speed", [1.0], "1 entries for 3"),
         ("tube.tool_speed", 0, "is 0"),
+        ("tube.tool_acceleration", [0, 1, 1], "tube.tool_acceleration is 0"),
         ("tube.tool_speed", True, "is True"),
         ("tube.tool_speed", "fast", "is fast"),
         ("tube.cross_section", [None], "1 entries for 3 segments"),
@@ -478,12 +490,17 @@ def test_limits_from_files_are_those_of_the_package(tmp_path):
         "velocity": {"wrist_2_joint": 1.0},
         "scale": {"effort": 0.5},
     }
-    limits = {"effort": [11, 12, 13, 14, 15, 16], "jerk": 700, "tool_speed": 1.5}
+    limits = {
+        "effort": [11, 12, 13, 14, 15, 16],
+        "jerk": 700,
+        "tool_speed": 1.5,
+        "tool_acceleration": 9,
+    }
     arm, robot = read_by_both(tmp_path, robot, 6, limits=limits)
     found, expected = arm.limits, robot.limits
     assert expected.effort.tolist() == [8, 6.5, 7, 5.5, 7.5, 6]
     assert expected.acceleration[1] == 8
-    for name in ("velocity", "acceleration", "jerk", "effort", "tool_speed"):
+    for name in ("velocity", "acceleration", "jerk", "effort", *OF_TOOL):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
     np.testing.assert_array_equal(found.lower, expected.lower_position)
     np.testing.assert_array_equal(found.upper, expected.upper_position)
@@ -668,9 +685,10 @@ def test_hand_overs_are_where_the_tool_is_slow_enough(cart, place, visit, passes
     assert found == (set() if passes else {"tool_speed"})
 
 
-@pytest.mark.parametrize(("speeds", "count"), [([0.5, 0.5], 1), (0.5, 1), ([0.5, 0.6], 2)])
-def test_segments_of_one_line_with_one_speed_are_one(cart, speeds, count):
-    assert len(read_problem(cart(0.2, tool_speed=speeds).write()).tube.radius) == count
+@pytest.mark.parametrize("name", OF_TOOL)
+@pytest.mark.parametrize(("limits", "count"), [([0.5, 0.5], 1), (0.5, 1), ([0.5, 0.6], 2)])
+def test_segments_of_one_line_with_one_limit_are_one(cart, name, limits, count):
+    assert len(read_problem(cart(0.2, **{name: limits}).write()).tube.radius) == count
 
 
 @pytest.mark.parametrize("parts", [1, 3])
