@@ -11,6 +11,7 @@ from scipy.optimize import linprog
 from tubeplanner import JointTrajectory
 from tubeplanner.first_guess.fastest_parameterization import (
     PathRows,
+    _corners,
     _fastest_rates,
     fastest_parameterization,
     path_rows,
@@ -286,6 +287,45 @@ def test_a_part_on_a_tray_is_slid_by_no_more_than_friction(slide):
     path = JointTrajectory(robot.joint_names, [0, 0.4], [[[0.0, 1.0, 0.0]], [[0.0, 0.0, 0.0]]])
     timing = fastest_parameterization(problem, path, np.linspace(0, 0.4, 101))
     assert timing.duration == pytest.approx(2 * np.sqrt(0.4 / (0.3 * 9.81)), rel=2e-4)
+
+
+def test_a_tool_speeds_up_and_slows_down_at_its_acceleration(slide):
+    free = np.full(3, np.inf)
+    limits = replace(slide.limits, effort=free, velocity=free, tool_acceleration=5.0)
+    path = JointTrajectory(slide.joint_names, [0, 0.4], [[[0.0, 1.0, 0.0]], [[0.0, 0.0, 0.0]]])
+    problem = anywhere(slide.with_limits(limits, slide.motors))
+    timing = fastest_parameterization(problem, path, np.linspace(0, 0.4, 101))
+    assert timing.duration == pytest.approx(2 * np.sqrt(0.4 / 5.0), rel=2e-4)
+
+
+def test_a_curve_is_run_at_the_acceleration_that_its_tool_may_have(bundled):
+    """Of that of the curve as well as along it."""
+    problem = bundled("ur5/level_tray")
+    limits = replace(problem.robot.limits, tool_acceleration=3.0)
+    problem = replace(problem, robot=problem.robot.with_limits(limits, problem.robot.motors))
+    spline = CubicSpline(np.linspace(0, 1, 5), problem.start + bends(6))
+    path = JointTrajectory(problem.robot.joint_names, spline.x, spline.c)
+    timing = fastest_parameterization(problem, path, np.linspace(0, 1, 401))
+    time = np.linspace(0, timing.duration, 2000)[1:-1]
+    s, rate, change = (
+        f(time)[:, 0] for f in (timing.position, timing.velocity, timing.acceleration)
+    )
+    slope, bend = path.velocity(s), path.acceleration(s)
+    state = path.position(s), slope * rate[:, None], slope * change[:, None]
+    a = state[2] + bend * rate[:, None] ** 2
+    size = np.linalg.norm(problem.robot.tool_motion(*state[:2], a)[:, :3], axis=1)
+    assert size.max() < 3.0 * 1.02
+    assert np.median(size) == pytest.approx(3.0, rel=1e-2)
+
+
+def test_corners_are_found_where_large_terms_cancel():
+    """Where rounding keeps a polygon's width from coming to zero, however near its corner."""
+    rng = np.random.default_rng(0)
+    ratio, rates = rng.uniform(0.1, 0.9, 5000), rng.uniform(0.5, 1.5, (2, 5000, 1))
+    rates *= np.geomspace(1e3, 1e13, 5000)[:, None]
+    up, down = np.stack([rates * ratio[:, None], rates], axis=1)
+    corners = _corners(np.ones(5000), 1.0, up, down)
+    np.testing.assert_allclose(corners[:, 0], ratio, rtol=1e-9)
 
 
 def test_a_curve_is_run_on_the_edge_of_its_cones(bundled):

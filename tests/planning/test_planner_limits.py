@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from cases import BRIEF, INERTIA, SHORTEST, one_joint, with_motors
+from gantry import gantry
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -256,6 +257,45 @@ def test_plans_keep_a_limit_and_use_it(name, method):
         dear = [one for one in result.sensitivities if one.limit == "effort_rate"]
         assert {one.joint for one in dear} == set(fields["effort_rate"])
         assert min(one.elasticity for one in dear) < -0.05
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"robot.limits": {"tool_acceleration": 20.0}},
+        {"tube.tool_acceleration": [12.0, None, 30.0]},
+    ],
+    ids=["everywhere", "in segments"],
+)
+def test_a_tool_that_accelerates_gently_needs_longer_over_the_wall(changes, planned):
+    def duration(factor=1.0):
+        """Return that with the limits so many times as high, and the plan."""
+        (path, given), *_ = changes.items()
+        if isinstance(given, dict):
+            given = {name: factor * value for name, value in given.items()}
+        else:
+            given = [value and factor * value for value in given]
+        problem = load_problem(f"example:{WALL}", changes={path: given})
+        result = plan(problem, PlanOptions("refinement", quality="fast", slack=0.0))
+        assert result.succeeded
+        require_kept(result.certificate, "tool_acceleration")
+        return result.duration, result
+
+    needed, result = duration()
+    assert needed > 1.05 * planned(WALL, "refinement")[1].duration
+    prices = [one for one in result.sensitivities if one.limit == "tool_acceleration"]
+    ends = [np.log(duration(factor)[0]) for factor in (0.95, 1.05)]
+    slope = (ends[1] - ends[0]) / np.log(1.05 / 0.95)
+    assert sum(one.elasticity for one in prices) == pytest.approx(slope, abs=0.02)
+
+
+def test_a_gantry_is_as_slow_as_its_tool_may_accelerate(tmp_path):
+    limits = {"tool_acceleration": 4.0, "velocity": 100.0, "effort": 1e4}
+    problem = load_problem(gantry(tmp_path), changes={"robot.limits": limits})
+    problem = replace(problem, goal=np.array([0.5, 0.0]), self_collision=False)
+    result, least = plan(problem, PlanOptions(slack=0.0)), 2 * np.sqrt(0.5 / 4.0)
+    require_kept(result.certificate, "tool_acceleration")
+    assert least <= result.duration < 1.01 * least
 
 
 def test_a_margin_ends_ranges_earlier():
