@@ -3,8 +3,7 @@
 A contact's axes are z, from the tool into the part, x, the tool frame's x made perpendicular to z,
 or its y where they are parallel, and y. In these axes, about the contact's middle, the tool's force
 f and moment t on the part must be in the contact's cones. d is the moment about a height: that of
-the centre of mass on the axis of a cup or a gripper, the centre of mass itself on a tray;
-h = |dz| + mu (|dx| + |dy|).
+the centre of mass on the axis of a cup or a gripper, the centre of mass itself on a tray.
 """
 
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ FAR = 0.1  # [m]: how far from the centre of mass the masses are that turn
 NEAR_FRACTION = 0.01  # relative: where steps are divided
 MOST_NEAR = 100  # samples beside which they are
 PARTS = 20  # into so many
+FLAT = 0.6127  # radii over the friction: below, the twist counts without direction
 KINDS = {
     "cup": {"force", "radius", "diameter", "vacuum", "friction", "safety", "position", "normal"},
     "tray": {"friction", "foot", "safety", "position", "normal"},
@@ -164,10 +164,23 @@ def _cones(held: Held, f: np.ndarray, t: np.ndarray) -> list[tuple[str, np.ndarr
     d = t - np.cross(height, f)
     h = abs(d[:, 2]) + mu * (abs(d[:, 0]) + abs(d[:, 1]))
     tipping = np.hypot(t[:, 0], t[:, 1])
+
+    def sliding(rho: float) -> np.ndarray:
+        """Return the force across with what the twist takes of the friction."""
+        return _twisted(f[:, :2], mu * d[:, :2] / (2 * rho), d[:, 2] / (2 * rho))
+
+    def tipped(r: float, away: float, z: float) -> np.ndarray:
+        """Return the moment with what is pressed below the centre of mass for the twist."""
+        share = 1.25 * (r + away) / (mu * (r - away))
+        if away > 1e-9 or mu * z <= FLAT * r:
+            return tipping + share * h
+        lean = share * r / z * np.column_stack([-d[:, 1], d[:, 0]])
+        return _twisted(t[:, :2], lean, share * d[:, 2])
+
     if held.kind == "cup":
         pull, r = fields["force"] / safety, fields["radius"]
-        slides = mu * (pressed + pull) - h / (2 * r) - across
-        tips = r * (pressed + pull) - 1.25 / mu * h - tipping
+        slides = mu * (pressed + pull) - sliding(r)
+        tips = r * (pressed + pull) - tipped(r, 0.0, held.com[2])
         return [("slides", slides / (mu * pull)), ("tips", tips / (r * pull))]
     if held.kind == "gripper":
         press, sides = fields["force"] / safety, np.array(fields["pad"]) / 2
@@ -179,13 +192,13 @@ def _cones(held: Held, f: np.ndarray, t: np.ndarray) -> list[tuple[str, np.ndarr
     pressed = pressed - (1 - 1 / safety) * weight
     if isinstance(fields["foot"], int | float):
         r, away = fields["foot"] / safety, float(np.hypot(*held.com[:2]))
-        slides = mu * pressed - h / (2 * (r - away)) - across
+        slides = mu * pressed - sliding(r - away)
         kept = away * (1 - 1 / safety) * weight
-        tips = r * pressed - kept - (r + away) * 1.25 / (mu * (r - away)) * h - tipping
+        tips = r * pressed - kept - tipped(r, away, held.com[2])
         return [("slides", slides / (mu * weight)), ("tips", tips / (r * weight))]
     half = np.array(fields["foot"]) / 2 / safety
     rho = float((half - abs(held.com[:2])).min())
-    found = [("slides", (mu * pressed - h / (2 * rho) - across) / (mu * weight))]
+    found = [("slides", (mu * pressed - sliding(rho)) / (mu * weight))]
     twist = np.sqrt(2) * 1.25 / (mu * rho) * np.linalg.norm(d * [mu, mu, 1], axis=1)
     # The weight that is kept presses below the centre of mass: the rest, where its moment is.
     kept = (1 - 1 / safety) * weight
@@ -196,3 +209,10 @@ def _cones(held: Held, f: np.ndarray, t: np.ndarray) -> list[tuple[str, np.ndarr
             margin = half[axis] * pressed - side * rest - reach * twist
             found.append(("tips", margin / (half[axis] * weight)))
     return found
+
+
+def _twisted(across: np.ndarray, change: np.ndarray, twist: np.ndarray) -> np.ndarray:
+    """Return the largest |across + p change| + twist and |across - p change| - twist, p 0 or 1."""
+    pairs = ((sign, sign * part) for sign in (1.0, -1.0) for part in (0.0, 1.0))
+    each = [np.linalg.norm(across + k * change, axis=1) + sign * twist for sign, k in pairs]
+    return np.max(each, axis=0)

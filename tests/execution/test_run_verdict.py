@@ -252,6 +252,7 @@ def test_the_worst_is_the_farthest_out_and_the_nearest():
     assert found["rotation"] is None
     assert found["tube"].as_dict()["worst"]["place"]["segment"] == 4
     far = ("tube", "rotation", "points", "tracking", "tool_tracking", "position", "velocity")
+    far += ("holding", "part")
     near = ("obstacles", "self_collision")
     runs = [replace(run(0.0, 0.0), **of_all(far + near, value)) for value in (-0.3, -0.1, -0.2)]
     found = summaries(runs)

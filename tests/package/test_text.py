@@ -71,7 +71,7 @@ MOST = 500  # [characters]
 # What is printed must name these, where the class has something of its own to say.
 SAYS = {
     "AttachedSolid": ["part", "0.1 x 0.2 x 0.3 m about [0, 0, 0]"],
-    "Certificate": ["passed", "10 of 19 conditions required"],
+    "Certificate": ["passed", "10 of 21 conditions required"],
     "Cycle": ["small: 4 moves of two_link to hand in 3 legs, closed"],
     "CycleCertificate": ["passed", "4 moves"],
     "CycleMotion": ["of small: ", "3 legs, 9 marks"],
@@ -110,6 +110,7 @@ def made(planned, small_plan):
     """One instance of every public class, by name."""
     problem, result = planned("two_link/around_a_post", "refinement")
     box = t.Obstacle.box("part", (0.1, 0.2, 0.3), np.eye(4))
+    cup = t.Cup(40.0, 0.02, 0.5)
     limits = t.LimitOverrides(effort={f"joint{k}": 1.0 for k in range(99)})
     peaks = t.trajectory_peaks(problem.robot, result.trajectory)
     instances = [
@@ -126,6 +127,8 @@ def made(planned, small_plan):
         *(t.ToolPose(np.eye(4)), t.GoalRegion((0, 0, 1), 0.02), t.Contact(("a", "b"), 0.03)),
         *(t.Seed(np.zeros(7)), limits, t.MotorOverrides(), t.LimitLayer("a: ", limits)),
         *(t.PointSpeed("hand", (0, 0, 0), 1.0), t.Payload(1.0), t.ToolOffset(), t.Objective()),
+        *(cup, t.Holding(cup, t.Payload(1.0)), t.Tray(0.3, (0.04, 0.05)), t.Liquid(0.2)),
+        t.Gripper(40.0, 0.4, (0.02, 0.03)),
         *(t.BasePose(), t.Robustness(), t.PlanOptions(), t.MeasureOptions(), t.TeachOptions()),
         *(
             t.RouteOptions(),

@@ -94,7 +94,7 @@ def test_every_part_makes_its_own_limit_smaller_and_geometry_is_shared(tray):
 
 def test_a_contact_keeps_back_what_it_does_not_need_at_rest(tray):
     problem, ends = tray
-    cup = Cup(force=30.0, radius=0.02, friction=0.5, safety=1.0)
+    cup = Cup(force=30.0, radius=0.02, friction=0.5, safety=1.0, normal=(0, 0, -1))
     held = replace(problem, holding=[Holding(cup, Payload(1.0))])
     at_rest = 1 - 9.81 / 30.0  # upright: the share that the weight leaves of the force
     assert allowed(held, ends, holding=0.3).holding == 0.3

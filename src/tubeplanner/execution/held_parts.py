@@ -36,7 +36,7 @@ from tubeplanner.task.problem import PlanningProblem
 
 # [s], over which accelerations are means: those of noise and of single control periods are over
 # before a part has moved by a hundredth of a millimetre.
-_AVERAGED = 0.01
+_AVERAGED = 0.004
 _MOST = 1e3  # the largest share: beyond, nothing presses the part onto the tool
 
 
@@ -45,7 +45,7 @@ def executed_uses(
 ) -> list[HoldingUse]:
     """Return the use of every contact at the instants of an executed motion.
 
-    Accelerations are means over 10 ms. The contacts have the plant's friction, the parts its mass.
+    Accelerations are means over 4 ms. The contacts have the plant's friction, the parts its mass.
 
     Args:
         problem: The planning problem.
