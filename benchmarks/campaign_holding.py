@@ -27,7 +27,7 @@ def random_holding(
 
     Args:
         rng: Random numbers.
-        robot: The section `robot`.
+        robot: The section `robot`; it gets a payload of the part's mass if it has none.
         arm: The arm.
         witness: What solves the problem.
     """
@@ -38,6 +38,7 @@ def random_holding(
     frame = arm.tool(witness.q)[0] @ turned.as_matrix().T
     up = -gravity @ frame / np.linalg.norm(gravity)  # in the tool frame, by row
     mass, height = (float(np.exp(rng.uniform(*np.log(bounds)))) for bounds in (MASS, HEIGHT))
+    mass = min(mass, robot.setdefault("payload", {"mass": mass})["mass"])
     kind = str(rng.choice(["cup", "gripper", "tray", "liquid"]))
     if kind in ("tray", "liquid"):
         return _upright(rng, kind, up, mass, height)

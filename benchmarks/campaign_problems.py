@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
+from campaign_holding import random_holding
 from campaign_witness import (
     MAX_RADIUS,
     RADIUS_FACTOR,
@@ -38,6 +39,7 @@ MIN_MARGIN = 0.002  # [m] that the witness keeps beyond what is asked
 SIGN_MARGIN = 1e-3  # [rad, m]
 MAX_TURN = math.radians(150)  # of the reference orientation along a segment
 MAX_OBSTACLES, MAX_DRAWS, MAX_SHIFTS = 4, 12, 4
+HOLDING_FRACTION = 0.25
 MOTOR_FRACTION, ATTACHED_FRACTION, BOX_FRACTION, SPEED_FRACTION = 0.2, 0.12, 0.2, 0.2
 CONCAVE = "groove.stl"
 PER_SEGMENT = ("points", "radius", "joint_signs", "orientations", "rotation_tolerance")
@@ -204,9 +206,10 @@ def there_and_back(fields: dict[str, Any], backwards: dict[str, Any]) -> dict[st
     """
     shared = ("robot", "start", "obstacles", "clearance")
     header = {key: fields[key] for key in shared if key in fields}
+    held = {key: fields[key] for key in ("holding",) if key in fields}
     moves = [
-        {"name": "there", "tube": fields["tube"], "goal": fields["goal"]},
-        {"name": "back", "tube": backwards["tube"], "goal": backwards["goal"]},
+        {"name": "there", "tube": fields["tube"], "goal": fields["goal"], **held},
+        {"name": "back", "tube": backwards["tube"], "goal": backwards["goal"], **held},
     ]
     return {"format": "tubeplanner/cycle", **header, "moves": moves}
 
@@ -274,6 +277,10 @@ def _attempt(
         solids = [_obstacle(rng, *drawn, f"o{k}") for k in range(count)]
         fields["obstacles"] = [solid for solid in solids if solid is not None]
         fields["clearance"] = clearance
+    own = rng.spawn(1)[0]
+    if own.random() < HOLDING_FRACTION:
+        holding = random_holding(own, robot, arm, witness)
+        fields |= {} if holding is None else {"holding": holding}
     path = folder / "problem.yaml"
     write(fields, path)
     judge = Judge(path)
@@ -299,6 +306,7 @@ def _kinds(fields: dict[str, Any], arm: Arm) -> tuple[str, ...]:
         "tool speeds": "tool_speed" in tube,
         "tool accelerations": "tool_acceleration" in tube,
         "open goal": "goal" not in fields,
+        **{f"held by a {kind}": True for kind in fields.get("holding", {}) if kind != "part"},
     }
     return tuple(name for name, value in has.items() if value)
 

@@ -17,7 +17,7 @@ from outside.files import BadInput, require_known
 from outside.trajectory import Samples, Trajectory
 
 G = 9.81  # [m/s^2]: cones have their size on earth
-STEP = 3e-4  # [s]: of differences
+STEP = 3e-4  # [rad, m]: how far joints move between the positions of a difference, or less
 STENCIL = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12  # second derivative, to the fourth order
 FAR = 0.1  # [m]: how far from the centre of mass the masses are that turn
 NEAR_FRACTION = 0.01  # relative: where steps are divided
@@ -136,10 +136,14 @@ def _margins(
     held: Held, arm: Arm, trajectory: Trajectory, samples: Samples
 ) -> list[tuple[str, np.ndarray]]:
     """Return what happens beyond each cone and the margins (N,) there, at speed and at rest."""
-    shifted = [Samples(samples.piece, samples.local + k * STEP, samples.time) for k in range(-2, 3)]
-    places = [arm.points(trajectory.at(each), held.points) for each in shifted]
-    acceleration = np.tensordot(STENCIL / STEP**2, places, axes=1)
-    origin, *ends = arm.points(trajectory.at(samples), held.frame).swapaxes(0, 1)
+    # Of the joints' parabola at each sample, whose pieces may be shorter than any step.
+    q, v, a = (trajectory.at(samples, order) for order in range(3))
+    pace = np.maximum(abs(v).max(axis=1), np.sqrt(abs(a).max(axis=1)))
+    step = (STEP / np.maximum(pace, 1.0))[:, None]
+    shifted = [q + (v + a * h / 2) * h for h in (k * step for k in range(-2, 3))]
+    places = np.array([arm.points(each, held.points) for each in shifted])
+    acceleration = np.tensordot(STENCIL, places, axes=1) / step[:, None] ** 2
+    origin, *ends = arm.points(q, held.frame).swapaxes(0, 1)
     axes = np.stack([end - origin for end in ends], axis=1)
     arms = places[2] - origin[:, None]
     found = []
