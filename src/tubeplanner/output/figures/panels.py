@@ -41,6 +41,7 @@ _MAX_FACTOR = 3.0  # larger factors are drawn as this
 _LONG_LABEL, _SHORT_LABEL = 0.2, 0.1
 _MARGIN = 0.08
 _TOP_OF_USE = 115.0  # larger shares have their name here [%]
+_WIDTH_OF_NAME = 0.12  # of the duration
 
 _WITH_PANEL, _JERK = ("velocity", "effort"), "jerk"  # panels of their own; drawn in pieces
 
@@ -194,9 +195,9 @@ def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
 def draw_holding(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw the used share of what each contact carries, dashed at rest; name what happens beyond.
 
-    A name stands where the share of that kind is the highest.
+    A name stands where the share of that kind is the highest, above others that stand near.
     """
-    time = curves.samples.time
+    time, named = curves.samples.time, np.zeros(0)
     for k, use in enumerate(curves.holding):
         kind, color = use.holding.kind, line_style(k)["color"]
         share = 100 * use.share
@@ -209,9 +210,10 @@ def draw_holding(axis: "Axes", curves: TrajectoryCurves) -> None:
             place = time[top], min(share[top], _TOP_OF_USE)
             is_late = time[top] > time.mean()
             beside: dict[str, Any] = {"ha": "right" if is_late else "left", "color": color}
-            axis.annotate(
-                name, place, (0, 3), textcoords="offset points", fontsize=8, va="bottom", **beside
-            )
+            below = int((abs(named - time[top]) < _WIDTH_OF_NAME * time[-1]).sum())
+            above: dict[str, Any] = {"xytext": (0, 3 + 9 * below), "textcoords": "offset points"}
+            axis.annotate(name, place, fontsize=8, va="bottom", **above, **beside)
+            named = np.append(named, time[top])
     axis.axhline(100.0, **LIMIT)
     axis.set_ylim(0.0, 130.0)
     axis.set_ylabel("holding used [%]")
