@@ -241,7 +241,7 @@ class Tray(_Checked):
 
     kind: ClassVar[str] = "tray"
     friction: Finite = field(metadata=declaration("coefficient between tray and part"))
-    foot: tuple[Finite, Finite] | Finite = field(
+    foot: tuple[float, float] | float = field(
         metadata=declaration(
             "full lengths along x, the tool frame's x made perpendicular to the normal, and y; or "
             "a disc's radius [m]",
@@ -281,8 +281,8 @@ class Tray(_Checked):
 class Gripper(_Checked):
     """A gripper with two fingers: it presses the part from both sides.
 
-    The fingers' forces add up to twice the force, the smaller is |fz| / 2 below it, and each pad
-    carries half of what is across, whatever the part's width.
+    The fingers' forces add up to twice the force. The smaller is half of the size of fz below it.
+    Each pad carries half of what is across, whatever the part's width.
     """
 
     kind: ClassVar[str] = "gripper"
@@ -299,7 +299,7 @@ class Gripper(_Checked):
     closing: Vector = declared((1.0, 0.0, 0.0), "direction in which it closes, in tool_frame")
 
     @property
-    def normal(self) -> Vector:
+    def normal(self) -> tuple[float, float, float]:
         """The closing direction."""
         return self.closing
 
@@ -396,7 +396,7 @@ class Holding:
 
     @property
     def kind(self) -> str:
-        """The contact's name in files: "cup", "tray", "gripper" or "liquid"."""
+        """Name of the contact's kind in files, such as "cup"."""
         return self.contact.kind
 
     @property
