@@ -79,7 +79,12 @@ class Built:
 
 
 def build(
-    seed: int, folder: Path, *, motors: bool = False, robot: dict[str, Any] | None = None
+    seed: int,
+    folder: Path,
+    *,
+    motors: bool = False,
+    robot: dict[str, Any] | None = None,
+    holds: bool = True,
 ) -> Built:
     """Write the problem of a seed into a folder; always the same.
 
@@ -90,6 +95,7 @@ def build(
         folder: Where to write.
         motors: Whether its arm has random motors.
         robot: The section `robot` of the arm, if it is not drawn too.
+        holds: Whether some tools hold a part.
 
     Raises:
         Unsuitable: None became one; the message counts the reasons.
@@ -97,7 +103,8 @@ def build(
     reasons: Counter[str] = Counter()
     for attempt in range(MAX_ATTEMPTS):
         try:
-            return _attempt(np.random.default_rng([seed, attempt]), folder, motors, robot)
+            rng = np.random.default_rng([seed, attempt])
+            return _attempt(rng, folder, motors, robot, holds)
         except (Unsuitable, BadInput) as reason:
             reasons[str(reason)[:100]] += 1
     counted = "; ".join(f"{count} x {reason}" for reason, count in reasons.most_common(4))
@@ -250,7 +257,11 @@ def vary_motors(rng: np.random.Generator, robot: dict[str, Any], arm: Arm) -> No
 
 
 def _attempt(
-    rng: np.random.Generator, folder: Path, motors: bool, chosen: dict[str, Any] | None
+    rng: np.random.Generator,
+    folder: Path,
+    motors: bool,
+    chosen: dict[str, Any] | None,
+    holds: bool,
 ) -> Built:
     if chosen is None:
         name, robot = random_arm(rng, folder)
@@ -278,7 +289,7 @@ def _attempt(
         fields["obstacles"] = [solid for solid in solids if solid is not None]
         fields["clearance"] = clearance
     own = rng.spawn(1)[0]
-    if own.random() < HOLDING_FRACTION:
+    if holds and own.random() < HOLDING_FRACTION:
         holding = random_holding(own, robot, arm, witness)
         fields |= {} if holding is None else {"holding": holding}
     path = folder / "problem.yaml"

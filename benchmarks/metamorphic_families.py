@@ -102,13 +102,16 @@ def examine(seed: int, options: Options) -> Fields:
 def family(seed: int, folder: Path) -> Built:
     """Write the base problem of a family into a folder, with its witness; always the same.
 
+    Nothing is held: the weight that a tray keeps is that on earth, also where gravity is scaled.
+
     Raises:
         Unsuitable: The arm of this seed became no problem.
     """
     if seed % 2:
-        return build(seed, folder, robot=bundled_arm(list(BUNDLED)[seed // 2 % len(BUNDLED)]))
+        arm = bundled_arm(list(BUNDLED)[seed // 2 % len(BUNDLED)])
+        return build(seed, folder, robot=arm, holds=False)
     (folder / "chain.urdf").write_text(random_chain(np.random.default_rng(seed)))
-    return build(seed, folder, robot={"urdf": "chain.urdf", "tool_frame": "tip"})
+    return build(seed, folder, robot={"urdf": "chain.urdf", "tool_frame": "tip"}, holds=False)
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,7 @@ def slid(motion):
     return most
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fraction", "stays"), [(0.95, True), (1.3, False)])
 def test_a_part_on_a_tray_slides_as_far_as_coulomb_friction_lets_it(tmp_path, fraction, stays):
     problem, motion = held_by(tmp_path, LOW_TRAY), along(fraction * SLIDES)

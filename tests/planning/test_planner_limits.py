@@ -259,6 +259,7 @@ def test_plans_keep_a_limit_and_use_it(name, method):
         assert min(one.elasticity for one in dear) < -0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [

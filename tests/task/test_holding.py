@@ -309,6 +309,7 @@ def test_a_move_holds_what_its_own_field_says():
         small_cycle(moves__3__holding=held)
 
 
+@pytest.mark.slow
 def test_a_cycle_holds_what_it_carries():
     # Weaker fingers take longer, 50 N hardly so.
     durations = []
