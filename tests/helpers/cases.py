@@ -53,6 +53,12 @@ PROBLEMS = (
     "panda/between_shelves",
     "xarm7/from_crate_to_crate",
 )
+# Of the level tray with a tool that points down.
+TOOL_DOWN = {
+    "tube.points": [[0.45, -0.3, 0.2], [0.45, -0.3, 0.525], [0.45, 0.3, 0.525], [0.45, 0.3, 0.2]],
+    "tube.orientations": [[0.7071068, -0.7071068, 0.0, 0.0]] * 4,
+    "start.joints": [-0.791217, -1.311999, 1.900383, -2.159181, -1.570796, 0.0],
+}
 # It turns, extends and lifts; the boxes of its links do not reach each other.
 SLIDE = """<robot name="slide"><link name="base"/>
 <link name="carriage"><inertial><origin xyz="0.1 0 0"/><mass value="3"/>

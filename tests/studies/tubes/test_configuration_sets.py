@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from cases import TOOL_DOWN
 
+from tubeplanner import load_problem
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.orientation import rotation_matrix
 from tubeplanner.studies.tubes import configuration_sets as tool_moves
@@ -62,8 +64,8 @@ def test_tools_get_where_they_are_wanted(bundled):
 
 
 @pytest.fixture(scope="module")
-def tray(bundled):
-    return bundled("ur5/level_tray")
+def tray():
+    return load_problem("example:ur5/level_tray", changes=TOOL_DOWN)
 
 
 def test_samples_keep_place_ranges_and_rotation(tray):
@@ -77,7 +79,7 @@ def test_samples_keep_place_ranges_and_rotation(tray):
     assert ((q >= lower) & (q <= upper)).all()
     assert np.ptp(q, axis=0).min() > 0.05
     moved = allowed.back_inside(q + np.random.default_rng(1).normal(scale=0.05, size=q.shape))
-    assert allowed.contains(moved).mean() > 0.85
+    assert allowed.contains(moved).mean() > 0.9
 
 
 def test_the_least_clearance_is_that_of_all_distances(bundled):
