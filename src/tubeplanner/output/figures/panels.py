@@ -215,7 +215,7 @@ def draw_holding(axis: "Axes", curves: TrajectoryCurves) -> None:
             axis.annotate(name, place, fontsize=8, va="bottom", **above, **beside)
             named = np.append(named, time[top])
     axis.axhline(100.0, **LIMIT)
-    axis.set_ylim(0.0, 130.0)
+    axis.set_ylim(0.0, 150.0)  # the legend is above the names
     axis.set_ylabel("holding used [%]")
     if curves.holding:  # in some legs of a cycle nothing is held
         axis.legend(fontsize=8, loc="upper center", ncols=2)
