@@ -187,7 +187,7 @@ def step_text(step: StopStep) -> str:
 
 # Neighbouring tubes meet up to these differences of points [m] and of quaternions.
 _MAX_GAP, _MAX_ROTATION_GAP = 1e-6, 1e-6
-_SAME_IN_TUBES = ("tool_radius", "visit", "pass_through_points")
+_SAME_IN_TUBES = ("tool_radius", "visit", "pass_through_points", "process")
 
 
 def joined_moves(moves: Sequence[Move]) -> Move:

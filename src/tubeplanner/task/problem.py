@@ -109,6 +109,7 @@ class PlanningProblem:
         if self._scene is None or not self._scene.is_as(scene):
             self._keep("_scene", scene)
         self._keep_joint_bounds()
+        self._require_free_ends()
         self._keep("start", self._checked_end("start", self.start, 0))
         last = self.tube.segment_count - 1
         if isinstance(self.goal, GoalRegion):
@@ -140,6 +141,22 @@ class PlanningProblem:
         if self.period is not None:
             duration = None if self.objective is None else self.objective.duration
             require_period(self.period, duration)
+
+    def _require_free_ends(self) -> None:
+        """Raise ProblemError if the motion rests, or may rest, where it has a least speed."""
+        tube = self.tube
+        if tube.stretches and tube.visit == "any":
+            raise ProblemError(
+                "tube.tool_speed has a band, which does not go with visit: any; leave visit out, "
+                "so that segments are visited in order"
+            )
+        for end, k in (("begins", 0), ("ends", tube.segment_count - 1)):
+            if tube.least_tool_speed is not None and np.isfinite(tube.least_tool_speed[k]):
+                raise ProblemError(
+                    f"tube.tool_speed: segment {tube.segment_number(k)} has a least speed of "
+                    f"{tube.least_tool_speed[k]:g} m/s, but the motion {end} in it, at rest; give "
+                    "the tube a segment beside it for the tool to speed up or slow down"
+                )
 
     def __repr__(self) -> str:
         robot, solids = self.robot, len(self.obstacles)

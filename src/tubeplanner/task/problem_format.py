@@ -31,6 +31,7 @@ from tubeplanner.fields import (
     one_of,
     section_of,
 )
+from tubeplanner.geometry.tube.bands import Process
 from tubeplanner.robot.overrides import LimitFields, MotorFields
 from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
 from tubeplanner.task.demands import ENDS, GOAL, START, Contact, Objective, Robustness
@@ -363,6 +364,23 @@ class CrossSectionFields(Section):
     up: Vector = Field(description="made perpendicular to the segment")
 
 
+class BandFields(Section):
+    """A band of the tool's speed: speed and tolerance, or its two ends."""
+
+    speed: Number | None = Field(None, description="upper end, for which is planned [m/s]")
+    tolerance: Number | None = Field(
+        None, description="fraction of the speed by which the lower end is below it"
+    )
+    between: list[Number] | None = Field(
+        None, description="lower and upper end, in place of both [m/s]"
+    )
+
+
+@section_of(Process)
+class ProcessFields(DeclaredSection):
+    """A process along stretches of constant speed: glue, weld, spray, scan."""
+
+
 class TubeFields(Section):
     """Where the tool may be, and its orientation there."""
 
@@ -413,8 +431,13 @@ class TubeFields(Section):
         description="m angles, or triples of bounds on log(R_ref^T R), .inf where free [rad]; one "
         "number or triple serves for all segments; three numbers for three segments: an angle each",
     )
-    tool_speed: Number | list[Number | None] | None = Field(
-        None, description="one or m limits on the tool's speed, null where it is free [m/s]"
+    tool_speed: Number | BandFields | list[Number | BandFields | None] | None = Field(
+        None,
+        description="one or m limits on the tool's speed or bands of it, null where it is free "
+        "[m/s]",
+    )
+    process: ProcessFields | None = Field(
+        None, description="along stretches whose speed has a band"
     )
     tool_acceleration: Number | list[Number | None] | None = Field(
         None,

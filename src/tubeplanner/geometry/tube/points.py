@@ -285,6 +285,9 @@ SEGMENT_NUMBERS = {
     "tool_speed": SegmentNumber(
         "tube.tool_speed", 1e-6, 1e4, "m/s", "where the tool's speed is free"
     ),
+    "least_tool_speed": SegmentNumber(
+        "tube.least_tool_speed", 1e-7, 1e4, "m/s", "where the tool may be as slow as it likes"
+    ),
     "tool_acceleration": SegmentNumber(
         "tube.tool_acceleration", 1e-6, 1e4, "m/s^2", "where the tool's acceleration is free"
     ),

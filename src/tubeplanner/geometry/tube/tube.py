@@ -15,6 +15,19 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.checks import WHOLE_NUMBER, in_figures, is_number
 from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.geometry.tube.bands import (
+    NO_PROCESS,
+    REQUIRED,
+    Gate,
+    Process,
+    Stretch,
+    gates,
+    has_bands,
+    process_of,
+    run_ins,
+    speeds_of,
+    stretches,
+)
 from tubeplanner.geometry.tube.points import (
     MAX_EXTENT,
     MIN_LENGTH,
@@ -70,6 +83,9 @@ class Tube:
             them: "all", "corners" (where the tube turns back by more than 150 degrees) or "none".
         numbers: The points' numbers in messages, shape (m+1,): 0 to m, unless points were left out.
         tool_speed: Limits on the tool's speed, shape (m,) [m/s], inf where free; None: free.
+        least_tool_speed: Lower ends of speed bands, whose upper ends are limits on the tool's
+            speed, likewise; inf where there is no band.
+        process: Of the stretches with a band; its run-ins and run-outs are segments of the tube.
         tool_acceleration: Limits on the tool's acceleration, likewise [m/s^2].
         clearance: Of links from obstacles, (m,) [m], inf for the problem's; None: the problem's.
         route: Configurations (P, n) from start to goal [rad or m]: a first guess of the motion, not
@@ -92,6 +108,8 @@ class Tube:
     pass_through_points: Literal["all", "corners", "none"]
     numbers: IntArray
     tool_speed: FloatArray | None = None
+    least_tool_speed: FloatArray | None = None
+    process: Process = NO_PROCESS
     tool_acceleration: FloatArray | None = None
     cross_section: FloatArray | None = None
     clearance: FloatArray | None = None
@@ -113,7 +131,13 @@ class Tube:
         rotation_tolerance: float | Sequence[float | Sequence[float]] | None = None,
         pass_through_points: Literal["all", "corners", "none"] = "corners",
         numbers: Sequence[int] | IntArray | None = None,
-        tool_speed: float | Sequence[float | None] | FloatArray | None = None,
+        tool_speed: float
+        | Mapping[str, Any]
+        | Sequence[float | Mapping[str, Any] | None]
+        | FloatArray
+        | None = None,
+        least_tool_speed: float | Sequence[float | None] | FloatArray | None = None,
+        process: Process | Mapping[str, Any] | None = None,
         tool_acceleration: float | Sequence[float | None] | FloatArray | None = None,
         cross_section: Mapping[str, Any] | Sequence[Any] | FloatArray | None = None,
         clearance: float | Sequence[float | None] | FloatArray | None = None,
@@ -136,7 +160,12 @@ class Tube:
                 an angle each [rad].
             pass_through_points: "all", "corners" or "none".
             numbers: The points' numbers in messages, m+1 ascending numbers; default: 0 to m.
-            tool_speed: A limit for all segments, or m of them, None where it is free [m/s].
+            tool_speed: A limit for all segments, or m of them, None where it is free [m/s]; or
+                bands: {"speed": v, "tolerance": p}, from v (1 - p) to v, or {"between": [lower,
+                upper]}.
+            least_tool_speed: Lower ends of bands, where `tool_speed` has their upper ends [m/s].
+            process: Run-ins and run-outs, which become segments where `tool_speed` has bands, and
+                what holds where joints cannot keep a band.
             tool_acceleration: Likewise, gravity not counted [m/s^2].
             cross_section: {"box": [width, height], "up": [x, y, z]} for all segments, or m of them,
                 None for a disc [m].
@@ -162,8 +191,10 @@ class Tube:
                 f"radius, {radii.min():g} m, by at least {MIN_LENGTH:g} m"
             )
         labels = np.arange(segments + 1) if numbers is None else _numbers(numbers, segments)
+        largest, least = speeds_of(tool_speed, least_tool_speed, segments)
         numbers_of = {
-            "tool_speed": tool_speed,
+            "tool_speed": largest,
+            "least_tool_speed": least,
             "tool_acceleration": tool_acceleration,
             "clearance": clearance,
         }
@@ -178,6 +209,7 @@ class Tube:
             pass_through_points=pass_through_points,
             numbers=labels,
             cross_section=sections,
+            process=process_of(process),
             joint_ranges=ranges,
             rotation=rotation,
             route=None if route is None else given_route(route),
@@ -197,6 +229,44 @@ class Tube:
             )
             vars(self).clear()
             vars(self).update(vars(less), notes=notes)
+        if has_bands(tool_speed):
+            self._lay_run_ins()
+
+    def _lay_run_ins(self) -> None:
+        """Add the segments of run-ins and run-outs, with a note."""
+        done, added = replace(self.process, run_in=0.0, run_out=0.0), run_ins(self)
+        # Of every point of the longer tube: its position, its number, the point whose orientation
+        # it has; of the segment before it, the segments whose region and whose conditions it has.
+        rows = [(self.points[0], self.numbers[0], 0, 0, 0)]
+        for k in range(self.segment_count):
+            number, region = self.numbers[k + 1], k
+            for way in added:
+                if way.beside == k and way.point == k:  # of a stretch that ends here
+                    rows.append((way.end, number, k, way.own, k))
+            for way in added:
+                if way.beside == k and way.point == k + 1:  # of a stretch that begins here
+                    rows.append((way.end, number, k + 1, k, k))
+                    region = way.own
+            rows.append((self.points[k + 1], number, k + 1, region, k))
+        positions, numbers, points, regions, others = zip(*rows, strict=True)
+        changes: dict[str, Any] = {"points": np.array(positions), "numbers": np.array(numbers)}
+        if self.orientations is not None:
+            changes["orientations"] = self.orientations[list(points)]
+        for name in _BY_SEGMENT:
+            if (values := getattr(self, name)) is not None:
+                rows_of = regions if name in ("radius", "cross_section") else others
+                changes[name] = [values[k] for k in rows_of[1:]]
+        notes = list(self.notes)
+        if added:
+            where = ", ".join(
+                f"{np.linalg.norm(way.end - self.points[way.point]):g} m at point "
+                f"{self.numbers[way.point]}"
+                for way in added
+            )
+            notes.append(f"tube.process: ways with the stretch's own radius are added: {where}")
+        longer = replace(self, **changes, process=done)
+        vars(self).clear()
+        vars(self).update(vars(longer), notes=tuple(notes))
 
     def __repr__(self) -> str:
         length = float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
@@ -318,6 +388,17 @@ class Tube:
         if self.cross_section is None:
             return Capsules(*axes, radius)
         return BoxRegions(*axes, radius, self.cross_section, self.tool_radius)
+
+    @cached_property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """The stretches with a speed band, in order."""
+        return stretches(self.least_tool_speed)
+
+    @cached_property
+    def gates(self) -> tuple[Gate, ...]:
+        """The ends of stretches whose band is required, in order."""
+        is_required = self.process.steady == REQUIRED
+        return gates(self.points, self.stretches) if is_required else ()
 
     @cached_property
     def compulsory_points(self) -> IntArray:

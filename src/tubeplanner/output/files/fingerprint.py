@@ -79,7 +79,7 @@ def tube_parts(tube: Tube, joint_names: Sequence[str]) -> list[object]:
             continue
         value = getattr(tube, field.name)
         if field.default is not dataclasses.MISSING and not np.array_equal(value, field.default):
-            parts += [field.name, value]
+            parts += [field.name, value.steady if field.name == "process" else value]
     # Only with compulsory points, so that hashes of files without any stay the same.
     if len(tube.compulsory_points):
         parts += ["points", tube.compulsory_points]

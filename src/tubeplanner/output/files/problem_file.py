@@ -222,11 +222,20 @@ def _rotation_fields(tube: Tube) -> dict[str, Any]:
 
 def _number_fields(tube: Tube) -> dict[str, Any]:
     """Return the fields of numbers of segments, if any; null where infinite."""
-    return {
+    fields = {
         name: _numbers_or_none(values)
         for name, number in SEGMENT_NUMBERS.items()
         if (values := getattr(tube, name)) is not None and number.field == f"tube.{name}"
     }
+    least = fields.pop("least_tool_speed", None)
+    if least is not None:
+        rows = [
+            upper if lower is None else in_a_row({"between": in_a_row([lower, upper])})
+            for lower, upper in zip(least, fields["tool_speed"], strict=True)
+        ]
+        fields["tool_speed"] = in_a_row(rows)
+        fields["process"] = in_a_row({"steady": tube.process.steady})
+    return fields
 
 
 def _numbers_or_none(values: FloatArray) -> Any:

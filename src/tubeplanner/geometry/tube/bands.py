@@ -1,0 +1,253 @@
+"""Speed bands: least and largest tool speeds of segments, for processes at a constant speed.
+
+Neighbouring segments with a band are one stretch, along which the process is on. The tool enters a
+stretch behind the plane through its first point, across its direction there, and leaves it beyond
+the plane through its last point: at both ends it is in the stretch's own region and in the band.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.checks import are_numbers, is_number
+from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.fields import Finite, declared
+from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS, segment_values
+
+if TYPE_CHECKING:
+    from tubeplanner.geometry.tube.tube import Tube
+
+REQUIRED, BEST = STEADY = ("required", "best")
+_MAX_RUN = 10.0  # [m]
+_MAX_TOLERANCE = 0.9
+# A neighbour is on the line of a run-in from this cosine of their angle on.
+_ON_LINE = 0.99
+
+Speeds: TypeAlias = tuple[FloatArray | None, FloatArray | None]
+
+
+@dataclass(frozen=True)
+class Process:
+    """The process along stretches of constant speed.
+
+    Attributes:
+        run_in: Length of the straight way before each stretch in the stretch's own region [m].
+        run_out: Length of the straight way after each stretch, likewise [m].
+        steady: "required": the band holds for all t; "best": where the joints cannot hold it, as
+            near to it as they can.
+
+    Raises:
+        ProblemError: On construction, for a negative length or an unknown word.
+    """
+
+    run_in: float = declared(
+        0.0, "straight way before each stretch, in the stretch's own radius [m]", Finite
+    )
+    run_out: float = declared(
+        0.0, "straight way after each stretch, in the stretch's own radius [m]", Finite
+    )
+    steady: Literal["required", "best"] = declared(
+        REQUIRED,
+        "required: the band holds for all t; best: as near to it as the joints can",
+        Literal["required", "best"],
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("run_in", "run_out"):
+            length = getattr(self, name)
+            if not is_number(length) or not 0 <= length <= _MAX_RUN:
+                raise ProblemError(
+                    f"tube.process.{name} is {shown(length)}; it must be from 0 to {_MAX_RUN:g} m"
+                )
+        if not isinstance(self.steady, str) or self.steady not in STEADY:
+            raise ProblemError(f"tube.process.steady: {unknown_name('value', self.steady, STEADY)}")
+
+
+NO_PROCESS = Process()
+
+
+class Gate(NamedTuple):
+    """The end of a stretch, where the tool passes from one segment to the next."""
+
+    point: int  # index of the reference point at the end
+    normal: FloatArray  # unit vector out of the stretch, along it, shape (3,)
+
+    def margin(self, tube: "Tube", p: FloatArray) -> FloatArray:
+        """Return how far tool positions (N, 3) are outside the stretch, shape (N,) [m]."""
+        margin: FloatArray = (p - tube.points[self.point]) @ self.normal
+        return margin
+
+
+class Stretch(NamedTuple):
+    """Neighbouring segments with a speed band."""
+
+    first: int  # index of its first segment
+    last: int  # index of its last segment
+
+
+class RunIn(NamedTuple):
+    """A straight way beside a stretch: a run-in or a run-out."""
+
+    point: int  # index of the point at the end of the stretch
+    end: FloatArray  # the other end, shape (3,)
+    own: int  # the segment of the stretch, whose region the way has
+    beside: int  # the segment that it shortens, whose other conditions it has
+
+
+def process_of(value: Any) -> Process:
+    """Return the process of a map or of a `Process`.
+
+    Raises:
+        ProblemError: It is neither, or a field is unknown or wrong.
+    """
+    if value is None or isinstance(value, Process):
+        return value or Process()
+    if not isinstance(value, Mapping):
+        raise ProblemError(
+            f"tube.process is {shown(value)}; give a map such as {{run_in: 0.005, steady: best}}"
+        )
+    known = [field.name for field in fields(Process)]
+    for name in value.keys() - set(known):
+        raise ProblemError(f"tube.process: {unknown_name('field', name, known)}")
+    return Process(**value)
+
+
+def has_bands(tool_speed: Any) -> bool:
+    """Return True if speeds of segments, as in files, contain a band."""
+    is_list = isinstance(tool_speed, list | tuple)
+    return any(isinstance(each, Mapping) for each in (tool_speed if is_list else [tool_speed]))
+
+
+def speeds_of(tool_speed: Any, least: Any, segments: int) -> Speeds:
+    """Return the largest and the least tool speeds of all segments, (m,) each [m/s].
+
+    Infinite where there is none; None if all have none.
+
+    Args:
+        tool_speed: A number, a band or None for all segments, or one each. A band is {"speed": v,
+            "tolerance": p}, from v (1 - p) to v, or {"between": [lower, upper]}.
+        least: The least speeds as numbers, if the bands are not in `tool_speed`.
+        segments: Number m of segments.
+
+    Raises:
+        ProblemError: A band or a number is wrong, or the bands of neighbouring segments have no
+            speed in common.
+    """
+    if has_bands(tool_speed):
+        is_list = isinstance(tool_speed, list | tuple)
+        entries = list(tool_speed) if is_list else [tool_speed] * segments
+        places = [f"tube.tool_speed{f'[{k}]' * is_list}" for k in range(len(entries))]
+        pairs = [_pair(each, place) for each, place in zip(entries, places, strict=True)]
+        tool_speed, least = ([pair[side] for pair in pairs] for side in (1, 0))
+    largest = segment_values(tool_speed, segments, "tool_speed")
+    lower = segment_values(least, segments, "least_tool_speed")
+    if lower is not None:
+        upper = np.full(segments, np.inf) if largest is None else largest
+        banded = np.isfinite(lower)
+        for k in np.flatnonzero(banded & (lower >= upper)):
+            raise ProblemError(
+                f"tube.tool_speed: the band of segment {k} is from {lower[k]:g} to {upper[k]:g} "
+                "m/s; its lower end must be below the upper one"
+            )
+        for k in np.flatnonzero(banded[:-1] & banded[1:]):
+            low, high = max(lower[k : k + 2]), min(upper[k : k + 2])
+            if low > high:
+                raise ProblemError(
+                    f"tube.tool_speed: the bands of segments {k} and {k + 1} have no speed in "
+                    f"common: one begins at {low:g} m/s, the other ends at {high:g} m/s; give them "
+                    "bands that overlap, or a free segment between them (null)"
+                )
+    return largest, lower
+
+
+def _pair(entry: Any, place: str) -> tuple[float | None, float | None]:
+    """Return the least and the largest speed of a segment's entry [m/s]."""
+    if not isinstance(entry, Mapping):
+        return None, entry
+    values = {name: value for name, value in entry.items() if value is not None}
+    for name in values.keys() - {"speed", "tolerance", "between"}:
+        raise ProblemError(
+            f"{place}: {unknown_name('field', name, ('speed', 'tolerance', 'between'))}"
+        )
+    what = SEGMENT_NUMBERS["tool_speed"]
+    if values.keys() == {"between"}:
+        between = values["between"]
+        if not are_numbers(between, 2) or not what.least <= between[0] < between[1] <= what.most:
+            raise ProblemError(
+                f"{place}.between is {shown(between)}; give [lower, upper], ascending, from "
+                f"{what.least:g} to {what.most:g} m/s"
+            )
+        return float(between[0]), float(between[1])
+    if values.keys() != {"speed", "tolerance"}:
+        raise ProblemError(
+            f"{place} is {shown(values)}; a band is {{speed: 0.25, tolerance: 0.05}} or "
+            "{between: [0.2375, 0.25]} [m/s]"
+        )
+    speed, tolerance = values["speed"], values["tolerance"]
+    if not is_number(speed) or not what.least <= speed <= what.most:
+        raise ProblemError(
+            f"{place}.speed is {shown(speed)}; it must be from {what.least:g} to {what.most:g} m/s"
+        )
+    if not is_number(tolerance) or not 1e-4 <= tolerance <= _MAX_TOLERANCE:
+        raise ProblemError(
+            f"{place}.tolerance is {shown(tolerance)}; it must be from 0.0001 to "
+            f"{_MAX_TOLERANCE:g} of the speed"
+        )
+    return speed * (1 - tolerance), float(speed)
+
+
+def stretches(least: FloatArray | None) -> tuple[Stretch, ...]:
+    """Return the stretches of least speeds (m,) [m/s], infinite where there is none."""
+    if least is None:
+        return ()
+    banded = np.concatenate([[False], np.isfinite(least), [False]])
+    firsts = np.flatnonzero(~banded[:-1] & banded[1:]).tolist()
+    ends = np.flatnonzero(banded[:-1] & ~banded[1:]).tolist()
+    return tuple(Stretch(first, end - 1) for first, end in zip(firsts, ends, strict=True))
+
+
+def gates(points: FloatArray, each: Iterable[Stretch]) -> tuple[Gate, ...]:
+    """Return the ends of stretches at inner points (m+1, 3) of a tube, in order."""
+    ends, last = [], len(points) - 1
+    for stretch in each:
+        for point, segment, sign in (
+            (stretch.first, stretch.first, -1.0),
+            (stretch.last + 1, stretch.last, 1.0),
+        ):
+            if 0 < point < last:
+                along = points[segment + 1] - points[segment]
+                ends.append(Gate(point, sign * along / np.linalg.norm(along)))
+    return tuple(ends)
+
+
+def run_ins(tube: "Tube") -> list[RunIn]:
+    """Return the run-ins and run-outs of a tube's stretches, in order.
+
+    Raises:
+        ProblemError: A stretch has no segment beside it, or one on its line that is too short.
+    """
+    added = []
+    for first, last in tube.stretches:
+        ends = (("run_in", first, first, first - 1), ("run_out", last + 1, last, last + 1))
+        for name, point, own, beside in ends:
+            if not (length := getattr(tube.process, name)):
+                continue
+            if not 0 <= beside < tube.segment_count:
+                raise ProblemError(
+                    f"tube.process.{name}: segment {own} is at an end of the tube; give it a "
+                    "neighbour, in which the tool may be at rest"
+                )
+            sign = -1.0 if name == "run_in" else 1.0
+            along = sign * (tube.points[own + 1] - tube.points[own])
+            way = sign * (tube.points[beside + 1] - tube.points[beside])
+            direction, size = along / np.linalg.norm(along), float(np.linalg.norm(way))
+            if way @ direction > _ON_LINE * size and size <= length:
+                raise ProblemError(
+                    f"tube.process.{name} is {length:g} m, but segment {beside} beside the stretch "
+                    f"is {size:g} m long; give a shorter {name} or a longer segment"
+                )
+            added.append(RunIn(point, tube.points[point] + length * direction, own, beside))
+    return added
