@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.geometry.tube.bands import REQUIRED
 from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.limits.holding_limit import HoldingLimit
 from tubeplanner.limits.joint_efforts import SidedEffort
@@ -48,10 +49,12 @@ from tubeplanner.optimizer.region_constraints import (
 )
 from tubeplanner.optimizer.rows import (
     INNER_MARGIN,
+    NO_LIMIT,
     EvaluatedSpeedLimit,
     Rows,
     StepSize,
 )
+from tubeplanner.optimizer.speed_floors import EvaluatedFloor, EvaluatedGates
 from tubeplanner.optimizer.tube_phases import OrderedSegments, largest_kink
 from tubeplanner.task.problem import PlanningProblem
 
@@ -78,7 +81,9 @@ _HIGHER, _HIGHER_IN_A_GIVEN_DURATION = 1.001, 1.0002
 _SMALL_RISE = 1e-4  # for differences
 
 # The constraints other than regions.
-EvaluatedRows: TypeAlias = EvaluatedSpeedLimit | EvaluatedRotation | EvaluatedLinks
+EvaluatedRows: TypeAlias = (
+    EvaluatedSpeedLimit | EvaluatedRotation | EvaluatedFloor | EvaluatedGates | EvaluatedLinks
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +108,8 @@ class Iterate:
     # the rotation beyond kinks of its reference, and efforts beyond those of friction
     rotation_kinks: tuple[EvaluatedRotation, ...]
     friction_kinks: tuple[EvaluatedSpeedLimit, ...]
+    # the floors of the tool's speed where they are kept, and the gates of stretches
+    pace: tuple[EvaluatedFloor | EvaluatedGates, ...]
     links: EvaluatedLinks  # the watched pairs of links
     # the spline and the arm at two samples per knot interval, at the end of every phase, and at
     # added samples
@@ -114,7 +121,8 @@ class Iterate:
     def constraints(self) -> tuple[EvaluatedRows, ...]:
         """All constraints but regions, in the order in which their rows are numbered."""
         components = (each for each in self.rotation_kinks if each.bounds_components)
-        return (*self.limits, *self.rotations, *components, *self.friction_kinks, self.links)
+        others = (*components, *self.friction_kinks, *self.pace)
+        return (*self.limits, *self.rotations, *others, self.links)
 
     @cached_property
     def convex(self) -> tuple[EvaluatedRegions | EvaluatedCones, ...]:
@@ -123,9 +131,10 @@ class Iterate:
         return (*self.regions, *self.speeds, *self.cones, *angles)
 
     @property
-    def tool(self) -> tuple[EvaluatedRegions | EvaluatedRotation, ...]:
+    def tool(self) -> tuple[EvaluatedRegions | EvaluatedRotation | EvaluatedFloor, ...]:
         """The constraints of the tube and of the goal on the tool."""
-        return (*self.regions, *self.rotations)
+        floors = (each for each in self.pace if isinstance(each, EvaluatedFloor))
+        return (*self.regions, *self.rotations, *floors)
 
 
 class SplineConstraints:
@@ -134,6 +143,9 @@ class SplineConstraints:
     Attributes:
         keys: Of all limits, in the order of their numbers.
         links: The constraints on links, with the pairs that are watched.
+        has_floors: Whether the tube's bands are required.
+        keeps_floors: Whether they are kept. They are for motions inside their tube: both share one
+            elastic variable.
     """
 
     def __init__(
@@ -171,7 +183,13 @@ class SplineConstraints:
         of_rotation = (
             [] if tube.rotation is None else [LimitKey("rotation", segment=k) for k in range(count)]
         )
-        self.keys = (*of_speed, *chain(*of_regions), *of_rotation, *self._goal_keys)
+        floor = tube.least_tool_speed if tube.process.steady == REQUIRED else None
+        self._floor = np.full(count, np.inf) if floor is None else floor
+        banded = np.flatnonzero(np.isfinite(self._floor)).tolist()
+        self.has_floors = self.keeps_floors = bool(banded)
+        of_floors = [LimitKey("least_tool_speed", segment=k) for k in banded]
+        of_tube = (*chain(*of_regions), *of_rotation, *of_floors)
+        self.keys = (*of_speed, *of_tube, *self._goal_keys)
         self._numbers = {key: number for number, key in enumerate(self.keys)}
         # The numbers of the regions' tolerances, by segment and kind, and of the rotation's.
         self._tolerances = np.zeros((count, max(map(len, of_regions))), dtype=np.int64)
@@ -182,6 +200,8 @@ class SplineConstraints:
         self._chain_ends[[run.start for run in grid.runs], 0] = True
         self._chain_ends[[run.stop - 1 for run in grid.runs], 1] = True
         self._rotation_tolerances = self._numbers_of(of_rotation)
+        self._floor_numbers = np.full(count, NO_LIMIT)
+        self._floor_numbers[banded] = self._numbers_of(of_floors)
         self._limits = [(limit, self._numbers_of(limit.keys)) for limit in limits]
         self._regions = problem.tube.regions_of(radius)
         # Between samples at a chain's kinks the motion needs a margin, in radii.
@@ -207,6 +227,8 @@ class SplineConstraints:
         points = [run.stop if run.stop == after.start else 0 for run, after in pairwise(grid.runs)]
         passing = [points.index(k) for k in problem.tube.compulsory_points.tolist()]
         self._passing_samples = ends.where(np.array(passing, dtype=np.int64))
+        gates = [points.index(gate.point) for gate in problem.tube.gates]
+        self._gate_samples = ends.where(np.array(gates, dtype=np.int64))
         self._last_sample = ends.where(np.array([len(grid.runs) - 1]))
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
         # The segments of runs that get a sample wherever the tool is.
@@ -248,9 +270,14 @@ class SplineConstraints:
 
     def rise(self, current: Iterate) -> FloatArray:
         """Return the slack that rows gain by a relative rise of their limits, by their numbers."""
-        others = current.constraints[len(current.limits) :]
-        counts = [np.ones(constraint.row_count) for constraint in others]
-        return np.concatenate([*(limit.rise for limit in current.limits), *counts])
+        rises = [
+            constraint.rise
+            if isinstance(constraint, EvaluatedSpeedLimit | EvaluatedFloor)
+            and constraint not in current.friction_kinks
+            else np.ones(constraint.row_count)
+            for constraint in current.constraints
+        ]
+        return np.concatenate(rises)
 
     def shared_rise(self, current: Iterate) -> dict[int, tuple[FloatArray, list[FloatArray]]]:
         """Return gains by a relative rise of each number of contacts, by the limits' numbers.
@@ -355,9 +382,17 @@ class SplineConstraints:
         squared_duration = max(float(limit.squared_durations.max()) for limit in limits)
         duration = self._run_in or float(np.sqrt(squared_duration))
         cones = tuple(chain(*(evaluated_cones(limit, duration) for limit in limits)))
+        pace = self._pace_at(arm, tube_samples, duration)
         at_rest = [each for each in cones if each.is_at_rest]
-        elastic: list[EvaluatedRegions | EvaluatedRotation | EvaluatedLinks | EvaluatedCones]
-        elastic = [*regions, *rotations, links, *at_rest]
+        elastic: list[
+            EvaluatedRegions
+            | EvaluatedRotation
+            | EvaluatedFloor
+            | EvaluatedGates
+            | EvaluatedLinks
+            | EvaluatedCones
+        ]
+        elastic = [*regions, *rotations, *pace, links, *at_rest]
         return Iterate(
             spline,
             squared_duration,
@@ -370,10 +405,25 @@ class SplineConstraints:
             rotations,
             kinks,
             tuple(chain(*(arm.friction_kinks(limit) for limit in limits))),
+            pace,
             links,
             arm.at(watched[False]),
             arm.at(self._rate_samples),
         )
+
+    def _pace_at(
+        self, arm: "_ArmAlong", samples: Samples, duration: float
+    ) -> tuple[EvaluatedFloor | EvaluatedGates, ...]:
+        """Return the floors of the tool's speed, run in a duration [s], and the gates."""
+        pace: list[EvaluatedFloor | EvaluatedGates] = []
+        if self.keeps_floors:
+            at, path = arm.at(samples)
+            segment, run_in = path.segment, self._run_in is not None
+            floors = (self._floor[segment], duration, run_in, self._floor_numbers[segment])
+            pace.append(EvaluatedFloor(at, path, *floors))
+        if self._problem.tube.gates:
+            pace.append(EvaluatedGates(*arm.at(self._gate_samples), self._problem.tube))
+        return tuple(pace)
 
     def _points(self, limit: SpeedLimit, watched: Mapping[bool, Samples]) -> EvaluationPoints:
         if not isinstance(limit, JointRate):

@@ -26,7 +26,7 @@ from tubeplanner.optimizer.spline_constraints import (
     Iterate,
     SplineConstraints,
 )
-from tubeplanner.optimizer.starts import subdivided
+from tubeplanner.optimizer.starts import subdivided, with_turn_knots
 from tubeplanner.optimizer.step_objective import MeasuredObjective
 from tubeplanner.optimizer.step_search import TrustRegion
 from tubeplanner.optimizer.tube_phases import widened_radius
@@ -202,6 +202,8 @@ class Refinement(Stage):
                 self._best, self.gave_up = coarse, True
                 return True
             spline, trust = subdivided(coarse.spline, parts), _LATER_TRUST
+            if is_last:
+                spline = with_turn_knots(self.problem, spline, coarse.duration)
             links = self._program.constraints.links.on_other_knots(coarse.spline, spline)
         self._begin_level(spline, links, widens=False)
         begun, is_near = self._begun(spline), self._divisions is None
@@ -210,6 +212,11 @@ class Refinement(Stage):
         else:
             trust = _NEAR_TRUST if is_near else trust
             self._exchange(self._improved(begun, trust, _GAIN, _MAX_STEPS))
+            constraints = self._program.constraints
+            if constraints.has_floors and not constraints.keeps_floors:
+                constraints.keeps_floors = True
+                again = self._begun(self.spline)
+                self._exchange(self._improved(again, _LATER_TRUST, _LAST_GAIN, _MAX_STEPS))
         self._max_steps = None
         return True
 
@@ -219,8 +226,10 @@ class Refinement(Stage):
         self._program = SequentialProgram(
             self.problem, spline.grid, links, self._radius, is_cautious=self._is_cautious
         )
-        self._program.constraints.blend(WIDELY_BLENDED)
-        self._program.constraints.links.add_samples(spline)
+        constraints = self._program.constraints
+        constraints.blend(WIDELY_BLENDED)
+        constraints.keeps_floors = constraints.has_floors and self._divisions is None
+        constraints.links.add_samples(spline)
         self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
 
     def answer(self, certificate: Certificate, duration: float) -> bool:

@@ -10,11 +10,17 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.branches import ReferenceBranch, end_configuration
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.segment_walk import wanted_at
+from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.limits.tube_membership import membership_margin, tube_use
 from tubeplanner.optimizer.link_constraints import CAUTIOUS_PER_INTERVAL, LinkConstraints
 from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline, sampled
 from tubeplanner.optimizer.rows import MERIT_TOLERANCE
-from tubeplanner.optimizer.tube_phases import OrderedSegments, smoother_problem, tube_chains
+from tubeplanner.optimizer.tube_phases import (
+    OrderedSegments,
+    smoother_problem,
+    tube_chains,
+    turns_at_speed,
+)
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Location, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -39,6 +45,9 @@ _SHORT = 1.5
 # Where the goal is at the last corner, the arm stands still in the last phase. A phase of less
 # width than the first value gets the second: its knots must not coincide.
 _STILL, _STILL_WIDTH = 1e-6, 1e-3
+# Knots of a turn of more than 20 degrees, and the turn between two knots of a smaller one [rad].
+_KNOTS_PER_TURN, _TURN, _ANGLE = 8.0, np.radians(20), np.pi / 16
+_TURN_SAMPLES, _LITTLE = 65, 0.25
 _VISIT_SAMPLES = 2001  # of a trajectory, to find the segments that it visits
 
 
@@ -181,6 +190,37 @@ def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
         finer[::share] = fraction
         fractions.append(finer)
     return on_knots(spline, KnotGrid(tuple(fractions), spline.grid.runs), switching_times)
+
+
+def with_turn_knots(
+    problem: PlanningProblem, spline: PhasedSpline, duration: float
+) -> PhasedSpline:
+    """Return the same spline, exactly, with more knots where the tool turns at a limited speed.
+
+    A tool that keeps its speed turns a corner in less time than usual knots are apart, and would
+    slow down there for their sake. (Turns in 43 ms between knots 25 ms apart: by up to 51 %.) Times
+    inside chains are by arc length. The spline is run in a duration [s].
+    """
+    points, angle, half = turns_at_speed(problem)
+    if len(points) == 0:
+        return spline
+    grid, ends, along = spline.grid, spline.switching_times, arc_lengths(problem.tube.points)
+    corners = along[[run.start for run in grid.runs] + [grid.runs[-1].stop]]
+    middle, half = np.interp(along[points], corners, ends), half / duration
+    knots = np.where(angle > _TURN, np.maximum(_KNOTS_PER_TURN, angle / _ANGLE), angle / _ANGLE)
+    fractions: list[FloatArray] = []
+    for k, fraction in enumerate(grid.fractions):
+        width, refined = ends[k + 1] - ends[k], [fraction[:1]]
+        for low, high in pairwise(fraction):
+            x = np.linspace(low, high, _TURN_SAMPLES)
+            times = ends[k] + width * x[:, None]
+            passed = np.clip((times - middle + half) / (2 * half), 0.0, 1.0) @ knots
+            level = passed - passed[0] + np.linspace(0, 1, len(x))
+            count = max(int(np.ceil(level[-1] - _LITTLE)), 1)
+            refined.append(np.interp(np.arange(1, count) * level[-1] / count, level, x))
+            refined.append(np.array([high]))
+        fractions.append(np.concatenate(refined))
+    return on_knots(spline, KnotGrid(tuple(fractions), grid.runs), ends)
 
 
 def on_knots(spline: PhasedSpline, grid: KnotGrid, switching_times: FloatArray) -> PhasedSpline:

@@ -233,7 +233,7 @@ def limit_costs(
     gained = np.where(index >= 0, rise[index], 1.0)
     count = len(step.multipliers)  # rows that were added later are not in the program
     costs, has_limit = np.zeros(len(plausible)), limit[:count] >= 0
-    by_row = np.maximum(step.multipliers * gained[:count], 0.0)
+    by_row = np.maximum(step.multipliers, 0.0) * gained[:count]
     np.add.at(costs, limit[:count][has_limit], by_row[has_limit])
     gains = {k: gain() for k, gain in shared.items()}
     for k, gain in gains.items():

@@ -91,6 +91,27 @@ def smoothed_angles(tube: Tube) -> FloatArray:
     return _angles(points[1:-1] - before, after - points[1:-1])
 
 
+def turns_at_speed(problem: PlanningProblem) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the turns of a tube where the tool's speed is limited on both sides.
+
+    The widest arc in a strip of half width r that turns by th has the radius 2r / (1 - cos(th/2)).
+    It is no longer than the segments beside it.
+
+    Returns:
+        Indices of points, their angles [rad], and the times of half an arc [s], shape (K,) each.
+    """
+    tube, angle = problem.tube, np.minimum(_turns(problem.tube), smoothed_angles(problem.tube))
+    limit = np.full(tube.segment_count, problem.robot.limits.tool_speed)
+    limit = limit if tube.tool_speed is None else np.minimum(limit, tube.tool_speed)
+    points = 1 + np.flatnonzero(np.isfinite(limit[:-1]) & np.isfinite(limit[1:]) & (angle > 0))
+    angle, before, after = angle[points - 1], points - 1, points
+    radius = np.minimum(tube.effective_radius[before], tube.effective_radius[after])
+    length = np.linalg.norm(np.diff(tube.points, axis=0), axis=1)
+    half = np.minimum(radius * angle / (1 - np.cos(angle / 2)), length[before])
+    half = np.minimum(half, length[after])
+    return points, angle, half / np.minimum(limit[before], limit[after])
+
+
 def _spacing(tube: Tube) -> float:
     """Return the approximate spacing of samples [m]."""
     return float(arc_lengths(tube.points)[-1]) / _SAMPLES
