@@ -109,6 +109,8 @@ class KnotGrid:
     fractions: tuple[FloatArray, ...]
     runs: tuple[range, ...] = ()  # the tube's segments of every phase; one each if not given
     is_fixed: bool = False  # whether switching times are fixed
+    # number of knot intervals without those of turns, of which steps are smoothed; None: of all
+    usual_count: int | None = None
 
     def __post_init__(self) -> None:
         if not self.runs:

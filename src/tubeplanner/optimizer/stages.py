@@ -29,7 +29,7 @@ from tubeplanner.optimizer.spline_constraints import (
 from tubeplanner.optimizer.starts import subdivided, with_turn_knots
 from tubeplanner.optimizer.step_objective import MeasuredObjective
 from tubeplanner.optimizer.step_search import TrustRegion
-from tubeplanner.optimizer.tube_phases import widened_radius
+from tubeplanner.optimizer.tube_phases import has_turns_at_speed, widened_radius
 from tubeplanner.outcome import Infeasible, Location, PlanStatus
 from tubeplanner.task.holding import PRICED
 from tubeplanner.task.problem import PlanningProblem
@@ -144,7 +144,12 @@ class Stage(ABC):
 
 
 class Refinement(Stage):
-    """Refinement of a spline."""
+    """Refinement of a spline.
+
+    Attributes:
+        without_floors: The shortest motion before the floors of speed bands joined; None: they did
+            not join.
+    """
 
     _name = "refinement"
 
@@ -178,6 +183,7 @@ class Refinement(Stage):
         if is_cautious:
             self.max_objections = _CAUTIOUS_OBJECTIONS
         self._steps, self._max_steps = 0, max_steps
+        self.without_floors: PhasedSpline | None = None
         self._radius = problem.tube.effective_radius
         self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
 
@@ -189,9 +195,11 @@ class Refinement(Stage):
         """
         per_interval = CAUTIOUS_PER_INTERVAL if self._is_cautious else PER_INTERVAL
         links = LinkConstraints(self.problem, per_interval=per_interval)
-        spline, trust = self._start, _FIRST_TRUST
-        for level, parts in enumerate(self._divisions or (), 1):
-            is_last = level == len(self._divisions or ())
+        spline, trust, divisions = self._start, _FIRST_TRUST, self._divisions or ()
+        if self._divisions == () and has_turns_at_speed(self.problem):
+            divisions = (1,)  # the knots of turns follow from a duration
+        for level, parts in enumerate(divisions, 1):
+            is_last = level == len(divisions)
             self._begin_level(spline, links, widens=self._widens)
             # The fewest knots may be too few to go round an obstacle: a last try has some more.
             is_decisive = is_last and has_enough_knots(spline.grid)
@@ -215,6 +223,7 @@ class Refinement(Stage):
             constraints = self._program.constraints
             if constraints.has_floors and not constraints.keeps_floors:
                 constraints.keeps_floors = True
+                self.without_floors = self.spline
                 again = self._begun(self.spline)
                 self._exchange(self._improved(again, _LATER_TRUST, _LAST_GAIN, _MAX_STEPS))
         self._max_steps = None

@@ -17,6 +17,7 @@ from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline, 
 from tubeplanner.optimizer.rows import MERIT_TOLERANCE
 from tubeplanner.optimizer.tube_phases import (
     OrderedSegments,
+    has_turns_at_speed,
     smoother_problem,
     tube_chains,
     turns_at_speed,
@@ -99,7 +100,9 @@ def starting_spline(
     ends = [run.stop - 1 for run in runs[:-1]]
     inner = np.interp(corners[ends], covered, x)
     switching_times = _with_width(np.concatenate([[0.0], inner, [1.0]]))
-    grid = knot_grid(switching_times, intervals, runs)
+    # At a limited speed the tool follows its tube; one interval per phase would lead it out.
+    fewest = _FEWEST if has_turns_at_speed(problem) else 1
+    grid = knot_grid(switching_times, intervals, runs, fewest)
     apart = np.concatenate([[True], np.diff(travel) > 0])
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
     course = np.interp(times, x, covered)
@@ -214,13 +217,16 @@ def with_turn_knots(
         for low, high in pairwise(fraction):
             x = np.linspace(low, high, _TURN_SAMPLES)
             times = ends[k] + width * x[:, None]
-            passed = np.clip((times - middle + half) / (2 * half), 0.0, 1.0) @ knots
+            away = (times - middle) / half
+            beyond = 2 * np.sign(away) - 1 / np.where(abs(away) > 1, away, 1.0)
+            passed = np.where(abs(away) > 1, beyond, away) @ (knots / 2)
             level = passed - passed[0] + np.linspace(0, 1, len(x))
             count = max(int(np.ceil(level[-1] - _LITTLE)), 1)
             refined.append(np.interp(np.arange(1, count) * level[-1] / count, level, x))
             refined.append(np.array([high]))
         fractions.append(np.concatenate(refined))
-    return on_knots(spline, KnotGrid(tuple(fractions), grid.runs), ends)
+    finer = KnotGrid(tuple(fractions), grid.runs, usual_count=grid.interval_count)
+    return on_knots(spline, finer, ends)
 
 
 def on_knots(spline: PhasedSpline, grid: KnotGrid, switching_times: FloatArray) -> PhasedSpline:
@@ -231,17 +237,20 @@ def on_knots(spline: PhasedSpline, grid: KnotGrid, switching_times: FloatArray) 
 
 
 def knot_grid(
-    switching_times: FloatArray, intervals: int, runs: tuple[range, ...] = ()
+    switching_times: FloatArray,
+    intervals: int,
+    runs: tuple[range, ...] = (),
+    least: int = 1,
 ) -> KnotGrid:
     """Return knots clustered at both ends of the spline, as Chebyshev points are.
 
     There the arm starts from rest or stops, and its acceleration needs the finest steps. Switching
     times are the ends of the phases, from 0 to 1, shape (P+1,); `runs` are the segments of every
-    phase, one each if not given.
+    phase, one each if not given. Of several phases, each has at least `least` intervals.
     """
     angle = np.arccos(1 - 2 * switching_times)
     fractions, phases = [], len(switching_times) - 1
-    fewest = 1 if phases == 1 else min(max(_MIN_IN_ALL // phases, 1), _FEWEST)
+    fewest = 1 if phases == 1 else min(max(_MIN_IN_ALL // phases, least), _FEWEST)
     for k in range(phases):
         count = max(fewest, round(intervals * (angle[k + 1] - angle[k]) / np.pi))
         x = (1 - np.cos(np.linspace(angle[k], angle[k + 1], count + 1))) / 2

@@ -28,7 +28,9 @@ class StepCost:
         """Find the pattern of the Hessian. Joints are measured in units (n,) [rad or m]."""
         self._variables, self._intervals, self._units = variables, grid.interval_count, units
         joints = len(units)
-        self._weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
+        # Knots of turns are closer than usual: by their number, wide intervals would be stiff.
+        usual = grid.usual_count or grid.interval_count
+        self._weight = 2 * _SMOOTHING * usual**5 / 250_000
         count, others = len(variables.lower), grid.switch_count + DURATION_AND_ELASTIC
         alone = np.arange(count)
         smoothing = _squared_differences(variables.column, _THIRD)

@@ -91,6 +91,11 @@ def smoothed_angles(tube: Tube) -> FloatArray:
     return _angles(points[1:-1] - before, after - points[1:-1])
 
 
+def has_turns_at_speed(problem: PlanningProblem) -> bool:
+    """Return True if the tube turns where the tool's speed is limited on both sides."""
+    return len(turns_at_speed(problem)[0]) > 0
+
+
 def turns_at_speed(problem: PlanningProblem) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the turns of a tube where the tool's speed is limited on both sides.
 
