@@ -7,7 +7,7 @@ import pytest
 from cases import rest_to_rest
 from gantry import gantry
 
-from tubeplanner import load_problem
+from tubeplanner import PlanOptions, load_problem, plan
 from tubeplanner.execution.held_parts import LOST, MOVED, executed_uses, most_used, parts_moved
 from tubeplanner.execution.plants import Draw, drawn_plants
 from tubeplanner.execution.run_verdict import judged_runs, run_verdict
@@ -35,12 +35,13 @@ def along(peak, length=0.5):
     return rest_to_rest(["along", "across"], [0, 0], [length, 0], np.sqrt(PEAK * length / peak))
 
 
-def executed_by(problem, motion, runs=1, period=0.001, **errors):
-    """The run of arms that follow a motion exactly, with errors of contacts alone."""
-    time = np.arange(0.0, motion.duration + AFTERWARDS, period)
-    at = np.minimum(time, motion.duration)
+def executed_by(problem, motion, runs=1, period=0.001, speed=1.0, **errors):
+    """The run of arms that follow a motion exactly at a speed, with errors of contacts alone."""
+    time = np.arange(0.0, motion.duration / speed + AFTERWARDS, period)
+    at = np.minimum(speed * time, motion.duration)
     plants = drawn_plants(problem.robot, Robustness.exact(**errors), Draw(runs))
-    q, v = (np.array([rows] * runs) for rows in (motion.position(at), motion.velocity(at)))
+    rows = motion.position(at), speed * motion.velocity(at)
+    q, v = (np.array([each] * runs) for each in rows)
     return Execution(plants, time, q, v, 0 * q, np.zeros(q.shape, dtype=bool))
 
 
@@ -132,6 +133,19 @@ def test_runs_fail_for_shares_and_for_parts_that_move_each_with_its_words(tmp_pa
         assert ("lost the held part or moved it by more than 1 mm" in str(verdict)) == bool(broken)
         assert runs[0].loses_part == (runs[0].part.value > LOST)
         assert judged_runs(problem, motion, execution)[0].part is None
+
+
+def test_a_liquid_on_its_cone_all_the_way_is_spilt_at_a_larger_speed_alone():
+    problem = load_problem("example:panda/between_shelves")
+    rotation, _ = problem.robot.tool_pose(problem.endpoints[0].joints[None])
+    up = tuple((rotation[0] @ problem.robot.tool_offset.placement[:3, :3].T)[2].tolist())
+    problem = replace(problem, holding=(Holding(Liquid(0.34, normal=up), None),))
+    result = plan(problem, PlanOptions(slack=0.0))
+    assert result.succeeded
+    for speed, largest in ((0.99, 0.999), (1.0, 1.0), (1.01, np.inf)):
+        share = most_used(problem, executed_by(problem, result.trajectory, speed=speed), 0).value
+        assert share <= largest
+    assert share > 1.0
 
 
 def test_liquids_are_no_bodies_and_nothing_held_has_no_share(tmp_path):

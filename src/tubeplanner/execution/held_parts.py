@@ -19,6 +19,7 @@ from math import ceil
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.execution.excursions import Extreme
@@ -34,7 +35,7 @@ from tubeplanner.task.problem import PlanningProblem
 
 # ---- Shares of what contacts carry, executed.
 
-# [s], over which accelerations are means: those of noise and of single control periods are over
+# [s], over which wrenches are means: those of noise and of single control periods are over
 # before a part has moved by a hundredth of a millimetre.
 _AVERAGED = 0.004
 _MOST = 1e3  # the largest share: beyond, nothing presses the part onto the tool
@@ -45,7 +46,8 @@ def executed_uses(
 ) -> list[HoldingUse]:
     """Return the use of every contact at the instants of an executed motion.
 
-    Accelerations are means over 4 ms. The contacts have the plant's friction, the parts its mass.
+    Wrenches are means over 4 ms in the contact's axes: those of instants inside a cone are inside.
+    The contacts have the plant's friction, the parts its mass.
 
     Args:
         problem: The planning problem.
@@ -53,14 +55,25 @@ def executed_uses(
         run: Index of the plant.
         safety: Of the contacts: errors are what a plan's safety is for; None: the plan's.
     """
-    time, v = execution.time, execution.velocity[run]
+    time = execution.time
     half = max(1, round(_AVERAGED / 2 / (time[1] - time[0]))) if len(time) > 1 else 1
-    here = np.arange(len(time))
-    before, after = np.maximum(here - half, 0), np.minimum(here + half, len(time) - 1)
-    passed = np.maximum(time[after] - time[before], 1e-9)[:, None]
-    states = np.stack([execution.position[run], v, (v[after] - v[before]) / passed])
     holdings = real_holdings(problem.holding, execution.plants[run], safety)
-    return holding_uses(PathSamples(problem, states), holdings)
+    uses = []
+    for use in _uses_of_periods(problem, execution, run, holdings):
+        wrench = np.pad(use.wrench, ((half - 1, half), (0, 0)), mode="edge")
+        uses.append(use.under(sliding_window_view(wrench, 2 * half, axis=0).mean(axis=2)))
+    return uses
+
+
+def _uses_of_periods(
+    problem: PlanningProblem, execution: Execution, run: int, holdings: Sequence[Holding]
+) -> list[HoldingUse]:
+    """Return the uses at rest where a motion begins, then in each of its K - 1 periods."""
+    time, q, v = execution.time, execution.position[run], execution.velocity[run]
+    still, acceleration = np.zeros_like(v[:1]), (v[1:] - v[:-1]) / (time[1:] - time[:-1])[:, None]
+    moving = (q[1:] + q[:-1]) / 2, (v[1:] + v[:-1]) / 2, acceleration
+    states = [np.vstack(each) for each in zip((q[:1], still, still), moving, strict=True)]
+    return holding_uses(PathSamples(problem, np.stack(states)), holdings)
 
 
 def real_holdings(
@@ -123,7 +136,6 @@ def parts_moved(
     require_mujoco("following held parts")
     farthest: list[Extreme] | None = None
     time = execution.time
-    period = time[1:, None] - time[:-1, None]
     for holding in problem.holding:
         if isinstance(holding.contact, Liquid):
             continue
@@ -131,12 +143,8 @@ def parts_moved(
         for run, plant in enumerate(execution.plants):
             (real,) = real_holdings([holding], plant)
             parts.append(_with_inertia(real))
-            q, v = execution.position[run], execution.velocity[run]
-            still, mean = np.zeros_like(v[:1]), (q[1:] + q[:-1]) / 2
-            moving = mean, (v[1:] + v[:-1]) / 2, (v[1:] - v[:-1]) / period
-            states = [np.vstack(each) for each in zip((q[:1], still, still), moving, strict=True)]
-            path = PathSamples(problem, np.stack(states))
-            wrenches.append(holding_uses(path, parts[-1:])[0].wrench)
+            (use,) = _uses_of_periods(problem, execution, run, parts[-1:])
+            wrenches.append(use.wrench)
         moved = _moved(parts, np.array(wrenches), float(time[1] - time[0]), checkpoint)
         slipped = moved > MOVED
         at = np.where(slipped.any(axis=1), slipped.argmax(axis=1), moved.argmax(axis=1))

@@ -290,6 +290,11 @@ class HoldingUse:
         gravity: FloatArray = -self.wrench[:, :3] / self.holding.mass_properties.mass
         return gravity
 
+    def under(self, wrench: FloatArray) -> "HoldingUse":
+        """Return the use of the contact in the same configurations under other wrenches, (N, 6)."""
+        shares = np.array([cone.share(wrench) for cone in self.holding.cones])
+        return replace(self, share=shares.max(axis=0), cone=shares.argmax(axis=0), wrench=wrench)
+
 
 def holding_uses(at: PathSamples, holdings: Sequence[Holding] | None = None) -> list[HoldingUse]:
     """Return the use of every contact at samples, run at a speed of 1.
