@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tubeplanner.first_guess.branches import KnownBranches
+from tubeplanner.geometry.tube.bands import BEST, REQUIRED
 from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.outcome import (
     Infeasible,
@@ -28,6 +29,13 @@ from tubeplanner.planning.options import (
 from tubeplanner.planning.refined_plan import RefinedPlans, continued_plan, narrowed_plan
 from tubeplanner.planning.result import PlanResult, refused_result, stopped_result
 from tubeplanner.planning.route_plans import route_plan
+from tubeplanner.planning.steady_plans import (
+    StretchSpeeds,
+    bend_refusal,
+    dip_refusal,
+    steadiest_plan,
+    without_floors,
+)
 from tubeplanner.planning.waypoint_plans import (
     StoppingPlan,
     resting_plan,
@@ -42,6 +50,8 @@ _CONTINUED = "planned from the last motion, not afresh"
 _RESERVE_AT = 0.25
 # Fraction by which a motion in fewer segments is faster if there may be one in still fewer.
 _WORTHWHILE = 0.005
+# Of a band's lower end, what the formula for bends understates at most: below, nothing is tried.
+_SURELY_LESS = 0.93
 
 
 class _Planning:
@@ -55,6 +65,9 @@ class _Planning:
         latest: The latest motion in a union, until it is refined in the segments that it visits.
         fastest: The fastest motion in a union so far.
         refusal: The refusal of all attempts before the diagnosis.
+        has_bands: True if the tube has speed bands, which stops break.
+        has_floors: True if they are required.
+        upper: The speeds of a motion with the upper ends of required bands alone.
     """
 
     corners: StoppingPlan | None = None
@@ -62,6 +75,7 @@ class _Planning:
     latest: PlanResult | None = None
     fastest: PlanResult | None = None
     refusal: PlanResult | None = None
+    upper: StretchSpeeds | None = None
 
     def __init__(
         self,
@@ -75,6 +89,8 @@ class _Planning:
         self.is_union = options.method == REFINEMENT and has_no_order
         is_refined_in_order = options.method == REFINEMENT and not has_no_order
         self.is_brief = is_refined_in_order and not options.persistent
+        self.has_bands = bool(problem.tube.stretches)
+        self.has_floors = self.has_bands and problem.tube.process.steady == REQUIRED
         self.branches = KnownBranches(problem, clock)
         self.starts = RefinedPlans(problem, self.branches, options, clock, self._fill_reserve)
 
@@ -121,14 +137,16 @@ class _Planning:
         return replace(self.fastest, stopped_by=stopped_by)
 
     def _fill_reserve(self) -> None:
-        if self.clock.used >= _RESERVE_AT:
+        if self.clock.used >= _RESERVE_AT and not self.has_bands:
             self.stopping()
 
     def without_motion(self, stopped: PlanResult) -> PlanResult:
         """Return the result of refinement that was stopped: the reserve, or the reason."""
         if self.fastest is not None:
             return self.stopped(stopped.stopped_by or "interrupt")
-        if self.corners is None and self.branches.has_any:  # then corners take little time
+        if (
+            self.corners is None and self.branches.has_any and not self.has_bands
+        ):  # then corners take little time
             silent = PlanningClock(None, None)  # the callback would only interrupt again
             self.corners = stopping_plan(self.problem, self.branches.under(silent), silent)
         stopped_by, corners = stopped.stopped_by or "interrupt", self.corners
@@ -224,6 +242,34 @@ def _along_route(state: _Planning) -> PlanResult:
     return planned(state.problem, state.options, state.clock)
 
 
+def _upper_ends(state: _Planning) -> PlanResult | None:
+    problem = without_floors(state.problem)
+    branches, clock = KnownBranches(problem, state.clock), state.clock
+    starts = RefinedPlans(problem, branches, state.options, clock)
+    result = starts.after_one() if state.is_brief else starts.after_all()
+    if result is not None and result.stopped_by is not None and not result.succeeded:
+        return stopped_result(clock, result.stopped_by, REFINEMENT)
+    if result is None or result.trajectory is None or result.motion is None:
+        return None
+    state.upper = StretchSpeeds(state.problem, result.trajectory)
+    if (reason := bend_refusal(state.upper, state.branches.tried, _SURELY_LESS)) is not None:
+        raise reason
+    continued = continued_plan(state.problem, result.motion, clock)
+    return continued if continued is not None and continued.succeeded else None
+
+
+def _outside_bands(state: _Planning) -> PlanResult | None:
+    if state.upper is not None:
+        tried = state.branches.tried
+        reason = bend_refusal(state.upper, tried) or dip_refusal(state.upper, tried)
+        if reason is not None:
+            raise reason
+    if state.refined is None:
+        message = "refinement has no trajectory to start from"
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Location())
+    return refined_diagnosis(state.problem, state.branches, state.refined, state.clock)
+
+
 def _fastest(state: _Planning) -> PlanResult | None:
     return state.fastest or state.refusal
 
@@ -281,6 +327,18 @@ UNION_ATTEMPTS = (
     Attempt(_fastest),
 )
 
+# With speed bands, no motion rests on the way. Where none is in required bands, one with their
+# upper ends alone shows where the joints cannot hold them.
+BAND_ATTEMPTS = (
+    Attempt(_necessary_conditions),
+    Attempt(_last_motion, applies=lambda state: state.last is not None),
+    Attempt(_certain_obstruction, applies=lambda state: state.is_brief),
+    Attempt(_first_start),
+    Attempt(_upper_ends, applies=lambda state: state.has_floors),
+    Attempt(_every_start, applies=lambda state: not state.is_brief),
+    Attempt(_narrower_tubes, applies=lambda state: not state.is_brief),
+    Attempt(_outside_bands),
+)
 
 # Along a joint route, the problem's or those that a search finds, the tool anywhere.
 ROUTE_ATTEMPTS = (
@@ -305,12 +363,15 @@ def attempted_plan(
     """
     state, result = _Planning(problem, last, options, clock), None
     table: tuple[Attempt, ...] = UNION_ATTEMPTS if state.is_union else ATTEMPTS
+    table = BAND_ATTEMPTS if state.has_bands else table
     if problem.tube.route is not None or problem.has_free_tool:
         table = ROUTE_ATTEMPTS if problem.endpoints[1].pose is None else POSE_ATTEMPTS
     attempts = (each for each in table if options.method in each.methods and each.applies(state))
     try:
         while result is None:
             result = next(attempts).run(state)
+        if state.has_bands and problem.tube.process.steady == BEST and result.succeeded:
+            result = steadiest_plan(problem, result, clock)
     except Infeasible as reason:
         result = state.fastest or refused_result(reason, options.method)
     except (TimeLimitReached, KeyboardInterrupt) as reason:

@@ -20,6 +20,7 @@ from tubeplanner.outcome import (
 )
 from tubeplanner.planning.refined_plan import certified_motion, entered
 from tubeplanner.planning.result import PlanResult, certified_result
+from tubeplanner.planning.steady_plans import steadiness_note
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.demands import ENERGY, SMOOTHNESS, Objective
 from tubeplanner.task.problem import PlanningProblem
@@ -212,9 +213,14 @@ def followed_plan(
     result = _followed(problem, shortest, slack or 0.0, duration, clock)
     if duration is not None:
         result = _in_duration(problem, result, duration)
-    if result.trajectory is None or result.motion is None or result.shortest is not None:
+    if result.trajectory is None:
         return result
-    return replace(result, notes=(*result.notes, *jerk_note(problem.robot, result.trajectory)))
+    notes = (*result.notes, *steadiness_note(problem, result.trajectory))
+    result = replace(result, notes=notes)
+    if result.motion is None or result.shortest is not None:
+        return result
+    assert result.trajectory is not None
+    return replace(result, notes=(*notes, *jerk_note(problem.robot, result.trajectory)))
 
 
 def _followed(

@@ -158,6 +158,11 @@ def require_supported(problem: PlanningProblem, options: PlanOptions) -> None:
     if is_robust:
         require_mujoco("the field robustness")
         require_no_followers(problem.robot)
+    if problem.tube.stretches and options.method != REFINEMENT:
+        raise OptionError(
+            f"method '{options.method}' keeps no bands of tube.tool_speed: it plans rests or slow "
+            f"ways; give method '{REFINEMENT}', or tool_speed without bands"
+        )
     has_points = problem.tube.route is None and not problem.has_free_tool
     if not has_points and options.method in (BRANCH_AND_BOUND, SUH_BISHOP):
         why = "the tool may be anywhere" if problem.tube.route is None else "tube.route is given"
