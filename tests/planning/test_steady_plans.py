@@ -10,8 +10,8 @@ from tubeplanner import PlanOptions, load_problem, plan
 from tubeplanner.errors import OptionError
 
 A, RADIUS = 4.0, 0.002  # [m/s^2], [m]
-# What a point mass can hold in a corner of 90 degrees, its axes both at A.
-HELD = np.sqrt(np.sqrt(2) * A * 2 * RADIUS / (1 - np.cos(np.pi / 4)))
+# What a point mass can hold in a corner of 90 degrees whose bisector is along an axis.
+HELD = np.sqrt(A * 2 * RADIUS / (1 - np.cos(np.pi / 4)))
 SHORTEST = PlanOptions(slack=0.0)
 
 
@@ -19,20 +19,20 @@ def _corner(folder, least, most, radius=RADIUS, **process):
     limits = {"effort": np.inf, "velocity": 3.0, "acceleration": A}
     band = {"between": [float(least), float(most)]}
     tube = {
-        "points": [[0, 0, 0], [0.05, 0, 0], [0.2, 0, 0], [0.2, 0.15, 0], [0.2, 0.2, 0]],
+        "points": [[0, 0.2, 0], [0.05, 0.15, 0], [0.2, 0, 0], [0.35, 0.15, 0], [0.4, 0.2, 0]],
         "radius": radius,
         "tool_speed": [None, band, band, None],
         "process": process,
     }
     robot = {"urdf": "gantry.urdf", "tool_frame": "head", "limits": limits}
-    return load_problem(gantry(folder, robot=robot, tube=tube))
+    return load_problem(gantry(folder, robot=robot, tube=tube, start={"joints": [0.0, 0.2]}))
 
 
 def _speeds(problem, trajectory):
     time = np.linspace(0, trajectory.duration, 20001)
     q, v = trajectory.position(time), trajectory.velocity(time)
     tool, rate = problem.robot.tool_position(q), problem.robot.tool_velocity(q, v)[0]
-    is_inside = (tool[:, 0] >= 0.05 + RADIUS) & (tool[:, 1] <= 0.15 - RADIUS)
+    is_inside = abs(tool[:, 0] - 0.2) <= 0.15 - RADIUS
     return np.linalg.norm(rate, axis=1)[is_inside]
 
 

@@ -27,13 +27,14 @@ class HeldSpeed:
     kind: str  # of the limit, such as "acceleration"
     name: str  # of the limited joint, or "tool"
     joint: str | None = None  # name of that joint; None: another limit
-    acceleration: float = np.inf  # the tool's largest, into the bend [m/s^2]
+    acceleration: float = np.inf  # the tool's largest into the bend [m/s^2]
 
 
 # ---- Bends of a tube: how far the path turns about each point, and the widest arc there.
 
 # A bend of short segments counts as a whole up to so many points on both sides of its middle.
 _MAX_WINDOW = 200
+_STRAIGHT = 1e-6  # [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ class Bend:
 
     def radius_for(self, speed: float, acceleration: float) -> float:
         """Return the radius of the tube at which a speed [m/s] can be held [m]."""
-        if self.angle <= 0:
+        if self.angle < _STRAIGHT:
             return 0.0
         missing = speed**2 / acceleration - self.length / self.angle
         return float(max(missing, 0.0) * (1 - np.cos(self.angle / 2)) / 2)
@@ -68,7 +69,7 @@ def widest_arc(radius: float, angle: float, length: float = 0.0) -> float:
         angle: By which it turns [rad].
         length: Of its centre line on which it turns evenly; 0: at a corner [m].
     """
-    if angle <= 0:
+    if angle < _STRAIGHT:
         return np.inf
     return float(length / angle + 2 * radius / (1 - np.cos(angle / 2)))
 
@@ -109,16 +110,25 @@ def held_speed(problem: PlanningProblem, bend: Bend, q: FloatArray) -> HeldSpeed
         bend: The bend.
         q: Configuration with the tool there, shape (n,).
     """
-    middle, into = bend.before + bend.after, bend.after - bend.before
-    held = HeldSpeed(np.inf, "", TOOL)
-    if np.linalg.norm(middle) > 0:  # a path that does not turn back
-        held = largest_speed(problem, bend.point, middle, q)
     if not np.isfinite(bend.arc):
+        return largest_speed(problem, bend.point, bend.before, q)
+    # The directions along the arc, and those to its centre.
+    into = bend.after - (bend.after @ bend.before) * bend.before
+    size = float(np.linalg.norm(into))
+    angle = np.linspace(0, bend.angle, _DIRECTIONS if size > 0 else 1)[:, None]
+    into = into / max(size, _ROUNDING)
+    along = np.cos(angle) * bend.before + np.sin(angle) * into
+    inwards = np.cos(angle) * into - np.sin(angle) * bend.before
+    speeds = [largest_speed(problem, bend.point, each, q) for each in along]
+    held = min(speeds, key=lambda each: each.speed)
+    if size == 0:  # the path turns back, in any plane
         return held
     # While the tool passes the arc, in the time T = th sqrt(R / a), it may turn from one end of its
     # rotation tolerance b to the other and back: by angular accelerations up to 8 b / T^2, about.
     turned = _TURNS / (bend.angle**2 * bend.arc)
-    a, key = _Rates(problem, bend.point, q, order=2).largest(into, turned)
+    rates = _Rates(problem, bend.point, q, order=2)
+    each_way = [rates.largest(each, turned) for each in inwards]
+    a, key = min(each_way, key=lambda each: each[0])
     speed = float(np.sqrt(a * bend.arc))
     if speed > held.speed:
         return replace(held, acceleration=a)
@@ -151,6 +161,7 @@ def _named(problem: PlanningProblem, key: LimitKey) -> tuple[str, str, str | Non
 # Joints' limits are linear in them. Others, such as the norm of the tool's acceleration, then take
 # what they allow of the solution: exactly for the tool's own, somewhat too little for held parts.
 
+_DIRECTIONS = 5  # on an arc
 _TURNS = 8.0
 _UNLIMITED = 1e6  # bound on rates of joints [rad or m per s or s^2]
 _ROUNDING = 1e-6

@@ -51,7 +51,7 @@ _RESERVE_AT = 0.25
 # Fraction by which a motion in fewer segments is faster if there may be one in still fewer.
 _WORTHWHILE = 0.005
 # Of a band's lower end, what the formula for bends understates at most: below, nothing is tried.
-_SURELY_LESS = 0.93
+_SURELY_LESS = 0.88
 
 
 class _Planning:

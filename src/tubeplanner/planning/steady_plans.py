@@ -125,7 +125,7 @@ class StretchSpeeds:
         """Yield what can be held in the bends inside stretches."""
         is_banded = np.isfinite(self.floor)
         for bend in sharpest_bends(self.problem.tube):
-            if is_banded[bend.point - 1 : bend.point + 1].all() and bend.angle > 0:
+            if is_banded[bend.point - 1 : bend.point + 1].all() and np.isfinite(bend.arc):
                 q = self.q[self.passage(bend.point)]
                 asked = float(self.floor[bend.point - 1 : bend.point + 1].max())
                 yield HeldBend(bend, held_speed(self.problem, bend, q), asked, q)
