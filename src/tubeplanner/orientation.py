@@ -1,5 +1,7 @@
 """Rotation matrices from quaternions, roll-pitch-yaw and rotation vectors; their rates."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
@@ -8,6 +10,7 @@ from tubeplanner.arrays import BoolArray, FloatArray
 
 # Longest projection of the rotated x on the plane of x and y at which x counts as vertical.
 _UPRIGHT = 1e-9
+_ALONG_X = 0.9  # cosine of the angle from x at which a z axis counts as along x
 
 
 def matrix_of_quaternion(quaternion: FloatArray) -> FloatArray:
@@ -120,6 +123,23 @@ def quaternion_of_matrix(matrix: FloatArray) -> FloatArray:
     v = rotation_vector(matrix)
     half = np.linalg.norm(v, axis=-1, keepdims=True) / 2
     return np.concatenate([np.sinc(half / np.pi) * v / 2, np.cos(half)], axis=-1)
+
+
+def matrices_along(axes: FloatArray) -> FloatArray:
+    """Return rotation matrices (N, 3, 3) whose z axes are unit vectors (N, 3), no two opposed.
+
+    The x axis of the first lies in the plane of its z axis and x, or y where z is along x. From one
+    to the next the rotation is the least that turns the z axes into each other.
+    """
+    along = axes[0]
+    first = np.array([1.0, 0, 0] if abs(along[0]) < _ALONG_X else [0, 1.0, 0])
+    x = first - (first @ along) * along
+    x /= np.linalg.norm(x)
+    matrices = [np.column_stack([x, np.cross(along, x), along])]
+    for axis, further in pairwise(axes):
+        turn = skew(np.cross(axis, further))
+        matrices.append((np.eye(3) + turn + turn @ turn / (1 + axis @ further)) @ matrices[-1])
+    return np.array(matrices)
 
 
 def nearest_branch(v: FloatArray, near: FloatArray, components: BoolArray) -> FloatArray:

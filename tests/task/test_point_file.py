@@ -7,6 +7,7 @@ import pytest
 
 from tubeplanner import load_problem
 from tubeplanner.errors import ProblemError
+from tubeplanner.orientation import matrix_of_quaternion, rotation_vector
 from tubeplanner.task.side_files import read_points
 
 PLAIN = "0.45,-0.3,0.2\n0.45,-0.3,0.5\n0.45,0.3,0.5\n0.45,0.3,0.2\n"
@@ -28,6 +29,8 @@ def read(folder, text):
         ("1,2,3,0,0,0,1\n4,5,6,0,0,0,1", None, True),
         ("\ufeff1,2,3,0,0,0,1,1e-2\n4,5,6,0,0,0,1,", [0.01], True),
         ("radius,x,y,z\n0.1,1,2,3\n,4,5,6\n", [0.1], False),
+        ("1,2,3,0,0,2\n4,5,6,0,0,1e-3", None, True),
+        ("k,j,i,radius,x,y,z\n1,0,0,0.1,1,2,3\n1,0,0,,4,5,6\n", [0.1], True),
     ],
 )
 def test_points_are_read_with_what_columns_there_are(tmp_path, text, radius, turned):
@@ -48,6 +51,11 @@ def test_points_are_read_with_what_columns_there_are(tmp_path, text, radius, tur
         ("1,2,3\n1,2", "line 2 has 2 values for 3 columns"),
         ("x,y,z\n1,2,3\n1,two,3", "line 3: y is 'two'; it must be a finite number"),
         ("1,2,3,\n4,5,6,", "line 1: radius is ''"),
+        ("x,y,z,i,j\n1,2,3,0,0", "has no column k"),
+        ("x,y,z,i,j,k,qx,qy,qz,qw\n", "columns qx, qy, qz, qw and i, j, k; both say how"),
+        ("x,y,z,i,j,k\n1,2,3,0,nan,1", "line 2: j is 'nan'; it must be a finite number"),
+        ("# cam\n1,2,3,0,0,1\n4,5,6,0,0,0", "line 3: i, j, k are 0; give the direction"),
+        ("1,2,3,0,0,1\n4,5,6,0,0,-2", "line 2: i, j, k are opposed to those of line 1"),
         ("1,2,3,0.1\n4,5,6,0.2", "the last radius, 0.2 m, belongs to no segment"),
     ],
 )
@@ -80,6 +88,27 @@ def test_radius_and_orientations_may_come_from_there(tmp_path):
     tube = problem_with(tmp_path, text, radius=None, rotation_tolerance=3.0).tube
     assert tube.radius.tolist() == [0.04] * 3
     np.testing.assert_array_equal(tube.orientations, [[1, 0, 0, 0]] * 4)
+
+
+def test_tools_along_axes_turn_from_point_to_point_by_the_least_angle(tmp_path):
+    axes = np.array([[0, 0, -1], [0, 1, -1], [1, 2, -1], [3, 1, -0.5]])
+    rows = [f"{k},0,0,{','.join(map(str, axis))}" for k, axis in enumerate(axes.tolist())]
+    matrices = matrix_of_quaternion(np.array(read(tmp_path, "\n".join(rows)).orientations))
+    units = axes / np.linalg.norm(axes, axis=1)[:, None]
+    np.testing.assert_allclose(matrices[:, :, 2], units, atol=1e-12)
+    np.testing.assert_allclose(matrices[0, :, 0], [1, 0, 0], atol=1e-12)
+    turned = np.linalg.norm(
+        rotation_vector(matrices[:-1].transpose(0, 2, 1) @ matrices[1:]), axis=1
+    )
+    np.testing.assert_allclose(np.cos(turned), np.sum(units[1:] * units[:-1], axis=1))
+
+
+def test_tool_axes_take_a_tolerance_that_may_leave_the_turn_about_them_free(tmp_path):
+    text = PLAIN.replace("\n", ",0,0,-1\n")
+    tube = problem_with(tmp_path, text, rotation_tolerance=[[3.0, 3.0, np.inf]]).tube
+    assert tube.rotation_tolerance == ((3.0, 3.0, np.inf),) * 3
+    with pytest.raises(ProblemError, match=r"rotation_tolerance is required beside the tool axes"):
+        problem_with(tmp_path, text)
 
 
 def test_boxes_go_with_points_from_a_file(tmp_path):

@@ -405,7 +405,8 @@ class TubeFields(Section):
         None,
         validate_default=True,
         description="m+1 reference points, base frame, or a CSV file of them, relative to this "
-        "one: x, y, z, then optionally qx, qy, qz, qw, radius [m]",
+        "one: x, y, z, then optionally the tool's z axis i, j, k, or qx, qy, qz, qw, and radius "
+        "[m]",
     )
     # Before the radius, whose check asks for it.
     cross_section: CrossSectionFields | list[CrossSectionFields | None] | None = Field(

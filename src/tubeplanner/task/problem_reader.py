@@ -217,6 +217,11 @@ def points_of(fields: TubeFields, directory: Path) -> dict[str, Any]:
                     f"tube.{key} is given, and {points} has it too; leave out one of them"
                 )
             arguments[key] = arguments[key] if values is None else values
+        if file.has_axes and fields.rotation_tolerance is None:
+            raise ProblemError(
+                f"tube.rotation_tolerance is required beside the tool axes of {points}; "
+                "[0.1, 0.1, .inf] lets the tool lean by 0.1 rad and turn freely about its axis"
+            )
         points = file.points
     if arguments["radius"] is None and not fields.cross_section:
         raise ProblemError(

@@ -10,10 +10,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import checked_path
 from tubeplanner.documents import DocumentError, read_text
 from tubeplanner.errors import ProblemError, RobotError, faults_of, shown, unknown_name
 from tubeplanner.fields import Flag, Number, Section, Version, check_fields
+from tubeplanner.orientation import matrices_along, quaternion_of_matrix
 from tubeplanner.resources import bundled_presets, find_preset
 from tubeplanner.robot.joint_limits import LimitLayer
 from tubeplanner.robot.model import RobotModel
@@ -288,9 +290,17 @@ def _value(where: str, joint: _JointFields, quantity: str, key: str) -> float | 
 # ---- Reference points from a CSV file of CAM or a scanner: one point per line.
 
 _POSITION, _QUATERNION, _RADIUS = ("x", "y", "z"), ("qx", "qy", "qz", "qw"), ("radius",)
-_COLUMNS = (*_POSITION, *_QUATERNION, *_RADIUS)
+_AXIS = ("i", "j", "k")
+_COLUMNS = (*_POSITION, *_QUATERNION, *_AXIS, *_RADIUS)
 # Columns by their number, for a file without a line of names.
-_UNNAMED = {3: _POSITION, 4: (*_POSITION, *_RADIUS), 7: (*_POSITION, *_QUATERNION), 8: _COLUMNS}
+_UNNAMED = {
+    3: _POSITION,
+    4: (*_POSITION, *_RADIUS),
+    6: (*_POSITION, *_AXIS),
+    7: (*_POSITION, *_QUATERNION),
+    8: (*_POSITION, *_QUATERNION, *_RADIUS),
+}
+_OPPOSED = 1e-6  # [rad]: axes nearer to 180 degrees do not say which way the tool turns
 _MAX_BYTES = 10_000_000
 
 
@@ -300,16 +310,18 @@ class PointFile:
 
     points: list[list[float]]  # m+1 reference points [m]
     orientations: list[list[float]] | None  # m+1 quaternions x y z w; None if the file has none
+    has_axes: bool  # True if the orientations are those of tool axes
     radius: list[float] | None  # radii of the m segments [m]; None if the file has none
 
 
 def read_points(path: Path) -> PointFile:
     """Read a CSV file of reference points.
 
-    The first line may name the columns: x, y, z, and optionally qx, qy, qz, qw and radius, in any
-    order; without names they are in this order. A radius is that of the segment that begins at the
-    point. The last radius belongs to no segment: it is empty or repeats the one before. Lines that
-    begin with # are comments.
+    The first line may name the columns: x, y, z, and optionally qx, qy, qz, qw (or i, j, k) and
+    radius, in any order; without names they are in this order. i, j, k is the direction of the
+    tool's z axis, of any length; from point to point the tool turns by the least angle. A radius is
+    that of the segment that begins at the point. The last radius belongs to no segment: it is empty
+    or repeats the one before. Lines that begin with # are comments.
     """
     try:
         text = read_text(path, _MAX_BYTES)
@@ -331,6 +343,10 @@ def read_points(path: Path) -> PointFile:
     points = [list(point) for point in zip(*(columns[name] for name in _POSITION), strict=True)]
     quaternions = [columns[name] for name in _QUATERNION if name in columns]
     orientations = [list(row) for row in zip(*quaternions, strict=True)] if quaternions else None
+    has_axes = _AXIS[0] in columns
+    if has_axes:
+        axes = np.column_stack([columns[name] for name in _AXIS])
+        orientations = _orientations(path, axes, [k for k, _ in lines[is_named:]])
     radius = None
     if "radius" in columns:
         *radius, end = columns["radius"]
@@ -339,7 +355,27 @@ def read_points(path: Path) -> PointFile:
                 f"tube.points: {path}: the last radius, {end:g} m, belongs to no segment: each is "
                 f"that of the segment that begins there; leave it empty or repeat {radius[-1]:g}"
             )
-    return PointFile(points, orientations, radius)
+    return PointFile(points, orientations, has_axes, radius)
+
+
+def _orientations(path: Path, axes: FloatArray, lines: list[int]) -> list[list[float]]:
+    """Return the quaternions x y z w of tools along axes (m+1, 3) from lines of a file."""
+    lengths = np.linalg.norm(axes, axis=1)
+    for line in np.array(lines)[lengths == 0]:
+        raise ProblemError(
+            f"tube.points: {path}, line {line}: i, j, k are 0; give the direction of the tool's z "
+            "axis, of any length"
+        )
+    axes = axes / lengths[:, None]
+    opposed = np.linalg.norm(axes[1:] + axes[:-1], axis=1) < _OPPOSED
+    for k in np.flatnonzero(opposed):
+        raise ProblemError(
+            f"tube.points: {path}, line {lines[k + 1]}: i, j, k are opposed to those of line "
+            f"{lines[k]}, so that the way in which the tool turns is undetermined; add a point "
+            "between them"
+        )
+    quaternions: list[list[float]] = quaternion_of_matrix(matrices_along(axes)).tolist()
+    return quaternions
 
 
 def _names(path: Path, first: list[str]) -> tuple[str, ...]:
@@ -348,7 +384,8 @@ def _names(path: Path, first: list[str]) -> tuple[str, ...]:
         if len(first) not in _UNNAMED:
             raise ProblemError(
                 f"tube.points: {path} has {len(first)} columns; x, y, z, then optionally "
-                "qx, qy, qz, qw and radius are known, so 3, 4, 7 or 8 of them"
+                "i, j, k (or qx, qy, qz, qw) and radius are known: 3, 4, 6, 7 or 8 of them; with a "
+                "line of names, as many as it has"
             )
         return _UNNAMED[len(first)]
     names = tuple(cell.strip() for cell in first)
@@ -356,8 +393,13 @@ def _names(path: Path, first: list[str]) -> tuple[str, ...]:
         if name not in _COLUMNS:
             raise ProblemError(f"tube.points: {path}: {unknown_name('column', name, _COLUMNS)}")
     missing = [name for name in _POSITION if name not in names]
-    if any(name in names for name in _QUATERNION):
-        missing += [name for name in _QUATERNION if name not in names]
+    kinds = [kind for kind in (_QUATERNION, _AXIS) if any(name in names for name in kind)]
+    missing += [name for kind in kinds for name in kind if name not in names]
+    if len(kinds) > 1:
+        raise ProblemError(
+            f"tube.points: {path} has columns {', '.join(_QUATERNION)} and {', '.join(_AXIS)}; "
+            "both say how the tool is turned: leave out one of them"
+        )
     if missing or len(set(names)) < len(names):
         fault = f"no column {missing[0]}" if missing else "a column twice"
         raise ProblemError(f"tube.points: {path} has {fault}; its columns: {', '.join(names)}")
