@@ -11,7 +11,13 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.certificate.verification import Certificate
 from tubeplanner.limits.path_samples import LimitKey
 from tubeplanner.limits.speed_limits import minimum_duration
-from tubeplanner.optimizer.descent import FIRST_PENALTY, Descent, DescentState, SequentialProgram
+from tubeplanner.optimizer.descent import (
+    FIRST_PENALTY,
+    MAX_PENALTY,
+    Descent,
+    DescentState,
+    SequentialProgram,
+)
 from tubeplanner.optimizer.link_constraints import (
     CAUTIOUS_PER_INTERVAL,
     PER_INTERVAL,
@@ -53,6 +59,9 @@ _MAX_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 60, 3, 8
 # Further rounds while each gains at least this fraction of T^2, up to this number in all.
 _WORTH_A_ROUND, _MOST_ROUNDS = 0.002, 32
 _NEAR_TRUST = 0.01  # of a start that is nearly an answer
+# Floors of the tool's speed hold from such a start on that is this far below them at most, else
+# from a motion inside its tube on. Where all steps leave more than this, the joints cannot.
+_NEARLY_STEADY, _UNSTEADY = 0.1, 0.02
 # On coarse knots, links that came close during the search keep this much clearance.
 _MAX_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
 # Links that ended clear on fine knots were never this deep on coarse ones (1,856 runs: 0.0073).
@@ -215,17 +224,26 @@ class Refinement(Stage):
             links = self._program.constraints.links.on_other_knots(coarse.spline, spline)
         self._begin_level(spline, links, widens=False)
         begun, is_near = self._begun(spline), self._divisions is None
+        constraints = self._program.constraints
+        if constraints.has_floors and is_near:  # a motion that keeps them nearly
+            constraints.keeps_floors = True
+            begun = self._begun(spline)
+            if begun.excess > _NEARLY_STEADY:
+                constraints.keeps_floors = False
+                begun = self._begun(spline)
         if self._passed_through(begun) and not is_near:
             self._best, self.gave_up = begun, True
         else:
             trust = _NEAR_TRUST if is_near else trust
             self._exchange(self._improved(begun, trust, _GAIN, _MAX_STEPS))
-            constraints = self._program.constraints
             if constraints.has_floors and not constraints.keeps_floors:
-                constraints.keeps_floors = True
-                self.without_floors = self.spline
+                constraints.keeps_floors, self.without_floors = True, self.spline
                 again = self._begun(self.spline)
-                self._exchange(self._improved(again, _LATER_TRUST, _LAST_GAIN, _MAX_STEPS))
+                result = self._improved(again, _LATER_TRUST, _LAST_GAIN, _MAX_STEPS)
+                if result.penalty == MAX_PENALTY and result.iterate.excess > _UNSTEADY:
+                    self._best = result.iterate
+                else:
+                    self._exchange(result)
         self._max_steps = None
         return True
 
@@ -237,7 +255,7 @@ class Refinement(Stage):
         )
         constraints = self._program.constraints
         constraints.blend(WIDELY_BLENDED)
-        constraints.keeps_floors = constraints.has_floors and self._divisions is None
+        constraints.keeps_floors = False
         constraints.links.add_samples(spline)
         self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
 

@@ -1,7 +1,7 @@
 """First splines of a refinement: reference branch, coarser knots, last motion, period grid."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +10,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.branches import ReferenceBranch, end_configuration
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.segment_walk import wanted_at
+from tubeplanner.geometry.tube.bands import REQUIRED
 from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.limits.tube_membership import membership_margin, tube_use
 from tubeplanner.optimizer.link_constraints import CAUTIOUS_PER_INTERVAL, LinkConstraints
@@ -373,6 +374,55 @@ def _reached(
         message = f"the last motion does not lead to reference point {problem.tube.numbers[point]}"
         raise Infeasible(PlanStatus.UNREACHABLE, message, Location().at(target))
     return result.q
+
+
+# ---- A longer motion whose stretches at constant speed take as long as before.
+
+
+def slowed_beside_bands(
+    problem: PlanningProblem, spline: PhasedSpline, longer: float
+) -> PhasedSpline:
+    """Return nearly the same path on the same knots, slowed where the tool's speed has no band.
+
+    Run uniformly slower, the tool would leave the bands. Here time passes more slowly beside the
+    stretches alone, as before at their ends: by 1 + 3 a u^2, u being 1 where the arm rests and 0 at
+    a stretch, or by 1 + 30 a u^2 (1 - u)^2 between two stretches.
+
+    Args:
+        problem: The planning problem.
+        spline: Its motion.
+        longer: The duration, as a multiple of the present one.
+    """
+    stretches = problem.tube.stretches
+    if not stretches or problem.tube.process.steady != REQUIRED or longer <= 1:
+        return spline
+    ends, runs = spline.switching_times, spline.grid.runs
+    firsts = [run.start for run in runs]
+    places = [0.0]
+    for first, last in stretches:
+        begin, end = firsts.index(first), max(k for k, k0 in enumerate(firsts) if k0 <= last)
+        places += [float(ends[begin]), float(ends[end + 1])]
+    places.append(1.0)
+    free = np.array(places).reshape(-1, 2)
+    a = (longer - 1) / np.diff(free).sum()
+    x = times_between(spline.grid.breakpoints(ends), _FIT_POINTS_PER_INTERVAL)
+    grown = x.copy()
+    for k, (begin, end) in enumerate(free.tolist()):
+        u = np.clip((x - begin) / (end - begin), 0.0, 1.0)
+        if k == 0:
+            passed = 1 - (1 - u) ** 3
+        elif k == len(free) - 1:
+            passed = u**3
+        else:
+            passed = u**3 * (10 - 15 * u + 6 * u**2)
+        grown += a * (end - begin) * passed
+    switching_times = np.interp(ends, x, grown) / longer
+    switching_times[[0, -1]] = 0.0, 1.0
+    grid = replace(spline.grid, is_fixed=False)
+    times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
+    path = spline.bspline()(np.interp(times, grown / longer, x))
+    rest = (spline.control_points[0], spline.control_points[-1])
+    return _fitted(grid, switching_times, times, path, rest)
 
 
 # ---- Knots at multiples of a controller's period, so that its samples are the motion itself.

@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.limits.peaks import EffortCosts, effort_variation
 from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline
 from tubeplanner.optimizer.stages import Refinement, SecondStage
-from tubeplanner.optimizer.starts import on_periodic_knots
+from tubeplanner.optimizer.starts import on_periodic_knots, slowed_beside_bands
 from tubeplanner.outcome import (
     Infeasible,
     Location,
@@ -85,8 +85,9 @@ def cheapest_duration(problem: PlanningProblem, shortest: JointTrajectory, longe
 
 # ---- Motions whose duration and breakpoints are multiples of a controller's period.
 
-# Numbers of periods in turn, each with its own knots.
-_MAX_TRIES = 8
+# Numbers of periods in turn, each with its own knots; of motions with speed bands, whose turns need
+# knots that long periods do not have.
+_MAX_TRIES, _MAX_STEADY_TRIES = 8, 2
 # With fewer, all control points are at rest at an end, and none may move.
 _MIN_PERIODS = 2 * REST_POINTS - DEGREE + 1
 
@@ -106,7 +107,7 @@ def periodic_plan(
     inner, spline = shortest.motion.problem, shortest.motion.spline
     phases = len(spline.grid.fractions)
     count = max(fewest_periods(shortest.duration, period), phases, _MIN_PERIODS)
-    for _ in range(_MAX_TRIES):
+    for _ in range(_MAX_STEADY_TRIES if inner.tube.stretches else _MAX_TRIES):
         start = on_periodic_knots(spline, count)
         refinement = Refinement(inner, start, None, entered(start.grid.interval_count, clock))
         in_periods = partial(lengthened, duration=count * period, period=period)
@@ -239,6 +240,7 @@ def _followed(
         longest = _longest(problem, shortest, slack, duration)
         if longest is None:
             return shortest
+        spline = slowed_beside_bands(problem, spline, longest / shortest.trajectory.duration)
         return second_stage_plan(problem, shortest, spline, longest, clock)
     plan, stopped_by = until_stopped(lambda: periodic_plan(problem, shortest, period, clock))
     if plan is None:
@@ -248,6 +250,7 @@ def _followed(
     if longest is None or periodic.stopped_by is not None or periodic.duration is None:
         return periodic
     count = max(most_periods(longest, period), fewest_periods(periodic.duration, period))
+    spline = slowed_beside_bands(problem, spline, count * period / periodic.duration)
     spline = on_periodic_knots(spline, count)
     return second_stage_plan(problem, periodic, spline, count * period, clock)
 
