@@ -35,7 +35,8 @@ for line in sys.stdin:
     result = plan(problem, replace(SHORTEST, method=method))
     seconds = time.process_time() - begin
     margins = {} if result.certificate is None else {
-        condition: judged.margin for condition, judged in result.certificate.conditions.items()}
+        condition: judged.margin for condition, judged in result.certificate.conditions.items()
+        if judged.margin is not None}  # another checkout may not know a condition
     motion = result.trajectory
     parts = () if motion is None else (motion.breakpoints, motion.coefficients)
     content = b"".join(part.tobytes() for part in parts)
@@ -72,7 +73,10 @@ def difference(one: Answer, other: Answer, tolerance: float) -> str:
         same = one["trajectory"] == other["trajectory"] and one["margins"] == other["margins"]
         return "" if same else "not bit for bit"
     pairs = {"duration": (one["duration"], other["duration"])}
-    pairs |= {name: (margin, other["margins"][name]) for name, margin in one["margins"].items()}
+    pairs |= {
+        name: (one["margins"].get(name), other["margins"].get(name))
+        for name in one["margins"] | other["margins"]
+    }
     return ", ".join(name for name, (a, b) in pairs.items() if not _close(a, b, tolerance))
 
 
