@@ -13,6 +13,7 @@ from tubeplanner.cli.report import check_lines, geometry_lines
 from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.limits.holding_limit import holding_peaks
 from tubeplanner.limits.peaks import peaks_as_dict, trajectory_peaks
+from tubeplanner.limits.process_stretches import all_marks, stretch_runs
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.outcome import Location
 from tubeplanner.output.controllers import (
@@ -83,7 +84,7 @@ def check(
         status, where = "success" if passed else "certificate_failed", _where(certificate, verdict)
         moves: dict[str, Any] = {}
         if isinstance(motion, CycleMotion):
-            moves = {"moves": move_rows(motion), "marks": [each.as_dict() for each in motion.marks]}
+            moves = {"moves": move_rows(motion)}
         fields = {
             **console.empty_report(status, sentence, where.as_dict()),
             "duration": duration,
@@ -91,7 +92,9 @@ def check(
             "loading_time": loading_time,
             **peaks_as_dict(trajectory_peaks(robot, motion.trajectory)),
             "holding": [each.as_dict() for each in holding_peaks(motion.sections)],
+            "stretches": [each.as_dict() for each in stretch_runs(motion.sections)],
             **moves,
+            "marks": [each.as_dict() for each in all_marks(motion.marks, motion.sections)],
             "build": LIBRARY.build,
             "notes": notes,
             "certificate": certificate.as_dict(),

@@ -9,12 +9,18 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition, Tolerance
+from tubeplanner.certificate.judged_motion import (
+    FOR_ALL_TIMES,
+    RELATIVE,
+    JudgedCondition,
+    Tolerance,
+)
 from tubeplanner.certificate.verification import CONDITION_NAMES, Certificate, CycleCertificate
 from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED
 from tubeplanner.geometry.collision_checker import ALWAYS_TOUCHING, TOUCH_SAMPLES
 from tubeplanner.limits.holding_limit import HoldingPeak, holding_peaks
 from tubeplanner.limits.peaks import TrajectoryPeaks, trajectory_peaks
+from tubeplanner.limits.process_stretches import StretchRun, all_marks, stretch_runs
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.task.cycle import Cycle
@@ -23,6 +29,7 @@ from tubeplanner.task.legs import Leg, Stop, stop_text
 from tubeplanner.task.motion import CycleMotion, Motion, Task
 from tubeplanner.task.side_files import fitting_presets
 from tubeplanner.text import MIN_SAVING, in_milliseconds, savings
+from tubeplanner.trajectory.parts import EVENT, Mark
 
 if TYPE_CHECKING:
     from tubeplanner.planning.result import CycleResult, LegPlan, PlanResult
@@ -53,6 +60,8 @@ def plan_text(
         f"{task.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}",
         *([] if peaks is None else peaks_lines(robot, peaks)),
         *holding_lines(result.holding),
+        *stretch_lines(result.stretches, result.certificate),
+        *mark_lines(result.marks),
         f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
         f"(certificate {result.certificate_time:.2f} s), method {result.method}",
     ]
@@ -109,6 +118,8 @@ def check_lines(motion: Motion, certificate: Certificate | CycleCertificate) -> 
     """Return the peaks of a motion, its moves if any, its certificate, and its other speeds."""
     lines = peaks_lines(motion.task.robot, trajectory_peaks(motion.task.robot, motion.trajectory))
     lines += holding_lines(holding_peaks(motion.sections))
+    lines += stretch_lines(stretch_runs(motion.sections), certificate)
+    lines += mark_lines(all_marks((), motion.sections))
     if isinstance(motion, CycleMotion) and isinstance(certificate, CycleCertificate):
         verdicts = [_verdict(certificate, leg) for leg in motion.cycle.legs]
         return [*lines, _timetable(motion, "certificate", verdicts), certificate_text(certificate)]
@@ -182,6 +193,26 @@ def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
 def holding_lines(peaks: Sequence[HoldingPeak]) -> list[str]:
     """Return a line on what contacts carry, if any holds a part."""
     return [f"holding: {'; '.join(map(str, peaks))}"] * bool(peaks)
+
+
+def stretch_lines(
+    runs: Sequence[StretchRun], certificate: Certificate | CycleCertificate | None
+) -> list[str]:
+    """Return a line on every stretch with a speed band; a kept band holds for all t."""
+    own = certificate.moves.values() if isinstance(certificate, CycleCertificate) else [certificate]
+    held = [each.conditions["tool_speed"] for each in own if each is not None]
+    is_proved = certificate is not None and all(
+        each.holds(certificate.tolerance) and each.coverage == FOR_ALL_TIMES for each in held
+    )
+    return [f"{run}{'; for all t' * (is_proved and run.is_required)}" for run in runs]
+
+
+def mark_lines(marks: Sequence[Mark]) -> list[str]:
+    """Return a line on the events on the way, if there are any."""
+    events = [mark for mark in marks if mark.kind == EVENT and not mark.is_of_step]
+    return [f"events: {'; '.join(f'{each.name} at {each.time:.4f} s' for each in events)}"] * bool(
+        events
+    )
 
 
 def certificate_text(certificate: Certificate | CycleCertificate) -> str:

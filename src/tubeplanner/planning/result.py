@@ -18,6 +18,7 @@ from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.limits.holding_limit import HoldingPeak, holding_peaks
 from tubeplanner.limits.lower_bound import LowerBound, lower_bound
 from tubeplanner.limits.peaks import TrajectoryPeaks, peaks_as_dict, trajectory_peaks
+from tubeplanner.limits.process_stretches import StretchRun, all_marks, stretch_runs
 from tubeplanner.limits.speed_limits import unused_speed
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.optimizer.stages import Sensitivity
@@ -31,6 +32,7 @@ from tubeplanner.task.motion import CycleMotion, MotionSection, move_rows
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import in_milliseconds
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.parts import Mark
 
 _MAX_MESSAGE = 200  # [characters] in the representation
 # The message names reference points at more than this distance from the tool's path.
@@ -124,6 +126,7 @@ _JSON_FIELDS = (
     *(each.name for each in fields(TrajectoryPeaks)),
     *(
         "holding",
+        "stretches",
         "method",
         "build",
         "moves",
@@ -162,6 +165,8 @@ class PlanResult(TaskResult):
             on first use; None without an answer.
         holding: Of every contact that holds a part, the largest share of what it carries. Computed
             on first use; empty without an answer.
+        stretches: The tool's speed along every stretch with a speed band. Likewise.
+        marks: When stretches begin and end, and when the tool passes the tube's events. Likewise.
     """
 
     trajectory: JointTrajectory | None = None
@@ -176,7 +181,7 @@ class PlanResult(TaskResult):
     may_be_faster: bool = False
     _path_minimum: Callable[[], float | None] = _no_trajectory
     _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
-    _holding: Callable[[], list[HoldingPeak]] = list
+    _sections: tuple[MotionSection, ...] = ()
 
     @cached_property
     def path_minimum(self) -> float | None:
@@ -191,7 +196,17 @@ class PlanResult(TaskResult):
     @cached_property
     def holding(self) -> list[HoldingPeak]:
         """Largest share of what each contact carries."""
-        return self._holding()
+        return holding_peaks(self._sections)
+
+    @cached_property
+    def stretches(self) -> list[StretchRun]:
+        """Speed of the tool along each stretch with a speed band."""
+        return stretch_runs(self._sections)
+
+    @cached_property
+    def marks(self) -> list[Mark]:
+        """Marks of stretches and of events on the way, in the order of time."""
+        return all_marks((), self._sections)
 
     @property
     def duration(self) -> float | None:
@@ -216,6 +231,8 @@ class PlanResult(TaskResult):
             phase1_duration=self.phase1_duration,
             **peaks_as_dict(self.peaks),
             holding=[each.as_dict() for each in self.holding],
+            stretches=[each.as_dict() for each in self.stretches],
+            marks=[mark.as_dict() for mark in self.marks],
             sensitivities=[asdict(each) for each in self.sensitivities],
             search=None if self.search is None else self.search.as_dict(),
             phase_two=None if self.phase_two is None else self.phase_two.as_dict(),
@@ -288,7 +305,7 @@ def judged_result(
         may_be_faster=bool(unused_note),
         _path_minimum=partial(path_minimum, problem, trajectory),
         _peaks=partial(trajectory_peaks, problem.robot, trajectory),
-        _holding=partial(holding_peaks, [MotionSection(problem, trajectory)]),
+        _sections=(MotionSection(problem, trajectory),),
     )
 
 
@@ -472,6 +489,8 @@ class CycleResult(TaskResult):
         sensitivities: Cost of every limit over the cycle, largest first; limits of segments name
             their move.
         holding: As of a `PlanResult`, over all moves.
+        stretches: Likewise.
+        marks: Likewise, with those of the steps.
     """
 
     motion: CycleMotion | None = None
@@ -497,6 +516,16 @@ class CycleResult(TaskResult):
     def holding(self) -> list[HoldingPeak]:
         """Largest share of what each contact carries."""
         return [] if self.motion is None else holding_peaks(self.motion.sections)
+
+    @cached_property
+    def stretches(self) -> list[StretchRun]:
+        """Speed of the tool along each stretch with a speed band."""
+        return [] if self.motion is None else stretch_runs(self.motion.sections)
+
+    @cached_property
+    def marks(self) -> list[Mark]:
+        """Marks of steps, of stretches and of events on the way, in the order of time."""
+        return [] if self.motion is None else all_marks(self.motion.marks, self.motion.sections)
 
     @cached_property
     def path_minimum(self) -> float | None:
@@ -525,8 +554,9 @@ class CycleResult(TaskResult):
             greedy_duration=self.greedy_duration,
             phase1_duration=None,
             moves=[] if motion is None else move_rows(motion),
-            marks=[] if motion is None else [mark.as_dict() for mark in motion.marks],
+            marks=[mark.as_dict() for mark in self.marks],
             holding=[each.as_dict() for each in self.holding],
+            stretches=[each.as_dict() for each in self.stretches],
             sensitivities=[asdict(each) for each in self.sensitivities],
             certificate=None if self.certificate is None else self.certificate.as_dict(),
             **({"robustness": survivals} if survivals else {}),

@@ -276,6 +276,13 @@ def _joined_tube(first: Move, second: Move) -> Tube:
         by_segment.pop("radius"),
         **by_segment,
         **_rotations(second.name, tubes, counts),
+        events=[
+            *first.tube.events,
+            *(
+                replace(each, segment=each.segment + int(first.tube.numbers[-1]))
+                for each in second.tube.events
+            ),
+        ],
         **{name: getattr(first.tube, name) for name in _SAME_IN_TUBES},
     )
 

@@ -289,12 +289,13 @@ def motion_of_file(task: Task, path: Path, file: TrajectoryFile) -> Motion:
     """
     if isinstance(task, PlanningProblem):
         return ProblemMotion(task, file.trajectory)
-    if not file.marks:
+    steps = tuple(mark for mark in file.marks if mark.is_of_step)
+    if not steps:
         raise TrajectoryError(
             f"{path} has no marks, which say when the moves of a cycle begin and what the tool "
             "takes and lets go; CSV and ROS files have none: give the JSON that plan -o writes"
         )
     try:
-        return CycleMotion(task, file.trajectory, file.marks)
+        return CycleMotion(task, file.trajectory, steps)
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from None

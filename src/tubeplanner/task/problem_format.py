@@ -31,7 +31,7 @@ from tubeplanner.fields import (
     one_of,
     section_of,
 )
-from tubeplanner.geometry.tube.bands import Process
+from tubeplanner.geometry.tube.bands import Process, TubeEvent
 from tubeplanner.robot.overrides import LimitFields, MotorFields
 from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
 from tubeplanner.task.demands import ENDS, GOAL, START, Contact, Objective, Robustness
@@ -381,6 +381,11 @@ class ProcessFields(DeclaredSection):
     """A process along stretches of constant speed: glue, weld, spray, scan."""
 
 
+@section_of(TubeEvent)
+class TubeEventFields(DeclaredSection):
+    """An event while the tool moves, such as the trigger of a camera."""
+
+
 class TubeFields(Section):
     """Where the tool may be, and its orientation there."""
 
@@ -439,6 +444,9 @@ class TubeFields(Section):
     )
     process: ProcessFields | None = Field(
         None, description="along stretches whose speed has a band"
+    )
+    events: list[TubeEventFields] = Field(
+        [], description="marks while the tool moves, at places of the reference path"
     )
     tool_acceleration: Number | list[Number | None] | None = Field(
         None,

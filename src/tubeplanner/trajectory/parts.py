@@ -17,7 +17,9 @@ from tubeplanner.trajectory.polynomials import bernstein_coefficients
 
 # ---- Marks of events.
 
-MOVE, EVENT, ATTACH, DETACH = KINDS = ("move", "event", "attach", "detach")
+MOVE, EVENT, ATTACH, DETACH = _OF_STEPS = ("move", "event", "attach", "detach")
+PROCESS_ON, PROCESS_OFF = _OF_PROCESS = ("process_on", "process_off")
+KINDS = (*_OF_STEPS, *_OF_PROCESS)
 
 
 @dataclass(frozen=True)
@@ -26,20 +28,32 @@ class Mark:
 
     Attributes:
         time: Since the start of the trajectory [s].
-        kind: "move": a move begins; "event"; "attach" or "detach" of an object.
-        name: Name of the move, the event or the object.
+        kind: "move": a move begins; "event"; "attach" or "detach" of an object; "process_on" or
+            "process_off": a stretch of constant speed begins or ends.
+        name: Name of the move, the event, the object or the stretch.
         setting: Value that an event sets, as in a file; None for nothing.
+        segment: Number of the segment, of a mark while the tool moves; None for others.
+        distance: Along the reference path from the begin of that segment [m]; None for others.
     """
 
     time: float
     kind: str
     name: str
     setting: Any = None
+    segment: int | None = None
+    distance: float | None = None
+
+    @property
+    def is_of_step(self) -> bool:
+        """True for the begin of a step of a cycle, False for a mark while the tool moves."""
+        return self.segment is None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the mark as a map of a trajectory file."""
         setting = {} if self.setting is None else {"set": self.setting}
-        return {"time": self.time, self.kind: self.name, **setting}
+        place = {"segment": self.segment, "distance": self.distance}
+        place = {} if self.is_of_step else place
+        return {"time": self.time, self.kind: self.name, **setting, **place}
 
     def __str__(self) -> str:
         setting = "" if self.setting is None else f" {self.setting}"
@@ -50,8 +64,8 @@ def marks_of(fields: Any) -> tuple[Mark, ...]:
     """Return the marks of a trajectory file from the value of its field `marks`.
 
     Raises:
-        TrajectoryError: The value is no list of maps with a time and one of move, event, attach,
-            detach, in the order of time.
+        TrajectoryError: The value is no list of maps with a time and one of `KINDS`, in the order
+            of time.
     """
     if not isinstance(fields, list):
         raise TrajectoryError(f"marks is {shown(fields)}; it must be a list")
@@ -66,7 +80,14 @@ def marks_of(fields: Any) -> tuple[Mark, ...]:
         time = each.get("time")
         if not is_number(time) or not time >= 0:
             raise TrajectoryError(f"marks[{k}].time is {shown(time)}; it must be a time [s]")
-        marks.append(Mark(float(time), kinds[0], each[kinds[0]], each.get("set")))
+        place = each.get("segment"), each.get("distance")
+        is_placed = all(is_number(value) for value in place)
+        if not is_placed and (kinds[0] in _OF_PROCESS or place != (None, None)):
+            raise TrajectoryError(
+                f"marks[{k}] is {shown(each)}; process_on and process_off have a segment and a "
+                "distance"
+            )
+        marks.append(Mark(float(time), kinds[0], each[kinds[0]], each.get("set"), *place))
     for k, (mark, after) in enumerate(pairwise(marks), start=1):
         if after.time < mark.time:
             raise TrajectoryError(f"marks[{k}].time is {after.time:g} s, before the one before")

@@ -29,6 +29,7 @@ from tubeplanner.trajectory.polynomials import hermite_pieces
 QUANTITIES = ("position", "velocity", "acceleration")
 TRAJECTORY_FORMAT = "tubeplanner/trajectory"
 TRAJECTORY_VERSION = 1
+MARK_COLUMN = "mark"  # of CSV: texts of marks on the way, which are not read
 _DURATION_TOLERANCE = 1e-9  # [s]
 _MAX_BYTES = 200_000_000
 _MAX_POSITION = 1e4  # [rad or m]
@@ -72,7 +73,7 @@ class TrajectoryFile:
     remarks: tuple[str, ...] = ()  # sentences on how the file was read
     # of the parts of the problem; empty if the file has none
     part_hashes: Mapping[str, str] = field(default_factory=dict)
-    # events, in the order of time; empty but for the motion of a cycle
+    # events, in the order of time; of CSV and ROS files, whose marks are for readers, none
     marks: tuple[Mark, ...] = ()
 
 
@@ -551,6 +552,7 @@ def joint_columns(header: Sequence[str], joint_names: Sequence[str] = ()) -> Joi
         tables[quantity] = [columns[joint, quantity] for joint in joints]
     time = _TIME if _TIME in times else times[0]
     used = {time, *(name for names in tables.values() for name in names)}
+    used.add(MARK_COLUMN)
     used |= {name for joint in joints for name in _names(joint, "effort")}
     ignored = tuple(name for name in header if name not in used)
     return JointColumns(time, joints, tables, ignored, remarks)

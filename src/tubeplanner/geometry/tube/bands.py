@@ -6,16 +6,17 @@ the plane through its last point: at both ends it is in the stretch's own region
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.checks import are_numbers, is_number
+from tubeplanner.checks import WHOLE_NUMBER, are_numbers, is_number
 from tubeplanner.errors import ProblemError, shown, unknown_name
-from tubeplanner.fields import Finite, declared
-from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS, segment_values
+from tubeplanner.fields import Finite, declaration, declared
+from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS, arc_lengths, segment_values
+from tubeplanner.text import require_name
 
 if TYPE_CHECKING:
     from tubeplanner.geometry.tube.tube import Tube
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 REQUIRED, BEST = STEADY = ("required", "best")
 _MAX_RUN = 10.0  # [m]
 _MAX_TOLERANCE = 0.9
+_MAX_LEAD = 60.0  # [s]
 # A neighbour is on the line of a run-in from this cosine of their angle on.
 _ON_LINE = 0.99
 
@@ -38,9 +40,11 @@ class Process:
         run_out: Length of the straight way after each stretch, likewise [m].
         steady: "required": the band holds for all t; "best": where the joints cannot hold it, as
             near to it as they can.
+        lead_on: Time by which the mark `process_on` comes before the stretch [s].
+        lead_off: Time by which the mark `process_off` comes before the end of the stretch [s].
 
     Raises:
-        ProblemError: On construction, for a negative length or an unknown word.
+        ProblemError: On construction, for a negative length or time, or an unknown word.
     """
 
     run_in: float = declared(
@@ -54,6 +58,10 @@ class Process:
         "required: the band holds for all t; best: as near to it as the joints can",
         Literal["required", "best"],
     )
+    lead_on: float = declared(0.0, "time by which process_on comes before a stretch [s]", Finite)
+    lead_off: float = declared(
+        0.0, "time by which process_off comes before the end of a stretch [s]", Finite
+    )
 
     def __post_init__(self) -> None:
         for name in ("run_in", "run_out"):
@@ -64,6 +72,71 @@ class Process:
                 )
         if not isinstance(self.steady, str) or self.steady not in STEADY:
             raise ProblemError(f"tube.process.steady: {unknown_name('value', self.steady, STEADY)}")
+        for name in ("lead_on", "lead_off"):
+            _require_lead(f"tube.process.{name}", getattr(self, name))
+
+
+@dataclass(frozen=True)
+class TubeEvent:
+    """An event while the tool moves: at a place of the reference path.
+
+    Attributes:
+        name: In marks; unique in its tube.
+        segment: Number of the segment from whose begin the distance is counted.
+        distance: Along the reference path [m].
+        lead: Time by which the mark comes before the tool is there [s].
+
+    Raises:
+        ProblemError: On construction, for a value out of its bounds.
+    """
+
+    name: str = field(metadata=declaration("in marks; unique in the tube"))
+    segment: int = field(
+        metadata=declaration("number of a segment, which begins at the point of this number")
+    )
+    distance: float = declared(0.0, "along the reference path from there [m]", Finite)
+    lead: float = declared(0.0, "time by which the mark comes before the tool [s]", Finite)
+
+    def __post_init__(self) -> None:
+        require_name("the name of an event of tube.events", self.name, ProblemError)
+        here = f"tube.events: event '{self.name}': "
+        if not isinstance(self.segment, WHOLE_NUMBER) or self.segment < 0:
+            raise ProblemError(f"{here}segment is {shown(self.segment)}; give a segment's number")
+        if not is_number(self.distance) or not self.distance >= 0:
+            raise ProblemError(f"{here}distance is {shown(self.distance)}; it must be >= 0 m")
+        _require_lead(f"{here}lead", self.lead)
+
+
+def _require_lead(what: str, lead: Any) -> None:
+    if not is_number(lead) or not 0 <= lead <= _MAX_LEAD:
+        raise ProblemError(f"{what} is {shown(lead)}; it must be from 0 to {_MAX_LEAD:g} s")
+
+
+def events_of(value: Any) -> tuple[TubeEvent, ...]:
+    """Return the events of a list of maps or of `TubeEvent`.
+
+    Raises:
+        ProblemError: It is none, a field is unknown or wrong, or two have the same name.
+    """
+    if not isinstance(value, list | tuple):
+        raise ProblemError(
+            f"tube.events is {shown(value)}; give a list such as [{{name: camera, segment: 2}}]"
+        )
+    known = [each.name for each in fields(TubeEvent)]
+    events: list[TubeEvent] = []
+    for k, each in enumerate(value):
+        if isinstance(each, Mapping):
+            for name in each.keys() - set(known):
+                raise ProblemError(f"tube.events[{k}]: {unknown_name('field', name, known)}")
+            for name in {"name", "segment"} - each.keys():
+                raise ProblemError(f"tube.events[{k}].{name} is required")
+            each = TubeEvent(**each)
+        if not isinstance(each, TubeEvent):
+            raise ProblemError(f"tube.events[{k}] is {shown(each)}; give a map or a TubeEvent")
+        if each.name in (other.name for other in events):
+            raise ProblemError(f"tube.events[{k}]: there are two events '{each.name}'")
+        events.append(each)
+    return tuple(events)
 
 
 NO_PROCESS = Process()
@@ -109,7 +182,7 @@ def process_of(value: Any) -> Process:
         raise ProblemError(
             f"tube.process is {shown(value)}; give a map such as {{run_in: 0.005, steady: best}}"
         )
-    known = [field.name for field in fields(Process)]
+    known = [each.name for each in fields(Process)]
     for name in value.keys() - set(known):
         raise ProblemError(f"tube.process: {unknown_name('field', name, known)}")
     return Process(**value)
@@ -221,6 +294,32 @@ def gates(points: FloatArray, each: Iterable[Stretch]) -> tuple[Gate, ...]:
                 along = points[segment + 1] - points[segment]
                 ends.append(Gate(point, sign * along / np.linalg.norm(along)))
     return tuple(ends)
+
+
+def event_length(tube: "Tube", event: TubeEvent) -> float:
+    """Return the length of the reference path of a tube up to an event [m].
+
+    Raises:
+        ProblemError: The tube has no such segment, or ends before the distance.
+    """
+    if event.segment >= tube.numbers[-1]:
+        raise ProblemError(
+            f"tube.events: event '{event.name}': there is no segment {event.segment}; the last one "
+            f"is segment {tube.numbers[-1] - 1}"
+        )
+    # A run-in or a run-out has the same number at both ends, the stretch on one side.
+    number = tube.numbers[tube.numbers <= event.segment][-1]
+    points = np.flatnonzero(tube.numbers == number)
+    is_banded = tube.least_tool_speed is not None and np.isfinite(tube.least_tool_speed[points[-1]])
+    lengths = arc_lengths(tube.points)
+    length = float(lengths[points[-1] if is_banded else points[0]] + event.distance)
+    if length > lengths[-1] * (1 + 1e-9):
+        raise ProblemError(
+            f"tube.events: event '{event.name}' is {event.distance:g} m from the begin of segment "
+            f"{event.segment}, and the reference path ends after "
+            f"{lengths[-1] - length + event.distance:g} m; give a shorter distance"
+        )
+    return length
 
 
 def run_ins(tube: "Tube") -> list[RunIn]:

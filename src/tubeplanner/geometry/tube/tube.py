@@ -21,6 +21,9 @@ from tubeplanner.geometry.tube.bands import (
     Gate,
     Process,
     Stretch,
+    TubeEvent,
+    event_length,
+    events_of,
     gates,
     has_bands,
     process_of,
@@ -86,6 +89,7 @@ class Tube:
         least_tool_speed: Lower ends of speed bands, whose upper ends are limits on the tool's
             speed, likewise; inf where there is no band.
         process: Of the stretches with a band; its run-ins and run-outs are segments of the tube.
+        events: While the tool moves, at places of the reference path; no conditions.
         tool_acceleration: Limits on the tool's acceleration, likewise [m/s^2].
         clearance: Of links from obstacles, (m,) [m], inf for the problem's; None: the problem's.
         route: Configurations (P, n) from start to goal [rad or m]: a first guess of the motion, not
@@ -110,6 +114,7 @@ class Tube:
     tool_speed: FloatArray | None = None
     least_tool_speed: FloatArray | None = None
     process: Process = NO_PROCESS
+    events: tuple[TubeEvent, ...] = ()
     tool_acceleration: FloatArray | None = None
     cross_section: FloatArray | None = None
     clearance: FloatArray | None = None
@@ -138,6 +143,7 @@ class Tube:
         | None = None,
         least_tool_speed: float | Sequence[float | None] | FloatArray | None = None,
         process: Process | Mapping[str, Any] | None = None,
+        events: Sequence[TubeEvent | Mapping[str, Any]] = (),
         tool_acceleration: float | Sequence[float | None] | FloatArray | None = None,
         cross_section: Mapping[str, Any] | Sequence[Any] | FloatArray | None = None,
         clearance: float | Sequence[float | None] | FloatArray | None = None,
@@ -166,6 +172,8 @@ class Tube:
             least_tool_speed: Lower ends of bands, where `tool_speed` has their upper ends [m/s].
             process: Run-ins and run-outs, which become segments where `tool_speed` has bands, and
                 what holds where joints cannot keep a band.
+            events: With name, segment and optionally distance [m] and lead [s]; where segments are
+                visited in order.
             tool_acceleration: Likewise, gravity not counted [m/s^2].
             cross_section: {"box": [width, height], "up": [x, y, z]} for all segments, or m of them,
                 None for a disc [m].
@@ -210,6 +218,7 @@ class Tube:
             numbers=labels,
             cross_section=sections,
             process=process_of(process),
+            events=events_of(events),
             joint_ranges=ranges,
             rotation=rotation,
             route=None if route is None else given_route(route),
@@ -231,6 +240,13 @@ class Tube:
             vars(self).update(vars(less), notes=notes)
         if has_bands(tool_speed):
             self._lay_run_ins()
+        if self.events and visit == "any":
+            raise ProblemError(
+                "tube.events does not go with visit: any; leave visit out, so that segments are "
+                "visited in order"
+            )
+        for event in self.events:
+            event_length(self, event)
 
     def _lay_run_ins(self) -> None:
         """Add the segments of run-ins and run-outs, with a note."""

@@ -75,7 +75,7 @@ def tube_parts(tube: Tube, joint_names: Sequence[str]) -> list[object]:
         parts += [tube.rotation.begin, tube.rotation.rotation_change, tube.rotation.bounds]
     # Only with another value than the default, so that files without a new field keep their hash.
     for field in dataclasses.fields(tube):
-        if field.name == "route":  # a first guess, which no certificate depends on
+        if field.name in ("route", "events"):  # no certificate depends on them
             continue
         value = getattr(tube, field.name)
         if field.default is not dataclasses.MISSING and not np.array_equal(value, field.default):

@@ -41,6 +41,7 @@ _MAX_LINE_LENGTH = 1000  # [characters]: no line is wrapped
 _MAX_REASON = 200  # [characters]
 _ORDER = ("format", "version", "include", "robot", "tube", "start", "goal")
 _MEASURED = ("radius", "cross_section", "joint_signs")
+_OF_PROCESS = ("steady", "lead_on", "lead_off")
 _CELL = ("obstacles", "clearance", "contacts", "collision")
 
 
@@ -234,7 +235,10 @@ def _number_fields(tube: Tube) -> dict[str, Any]:
             for lower, upper in zip(least, fields["tool_speed"], strict=True)
         ]
         fields["tool_speed"] = in_a_row(rows)
-        fields["process"] = in_a_row({"steady": tube.process.steady})
+        process = {**vars(tube.process)}  # run-ins are segments by now
+        fields["process"] = in_a_row({name: process[name] for name in _OF_PROCESS})
+    if tube.events:
+        fields["events"] = [in_a_row(vars(each)) for each in tube.events]
     return fields
 
 

@@ -11,7 +11,7 @@ effort, which means keep only nearly, are checked, and more periods are taken un
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE
 from tubeplanner.certificate.verification import verify
 from tubeplanner.limits.peaks import motor_effort
+from tubeplanner.limits.process_stretches import passed_marks
 from tubeplanner.limits.speed_limits import minimum_duration
 from tubeplanner.outcome import Infeasible
 from tubeplanner.task.legs import Stop
@@ -26,7 +27,7 @@ from tubeplanner.task.motion import Motion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Event
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples, averaged
-from tubeplanner.trajectory.parts import resting
+from tubeplanner.trajectory.parts import Mark, resting
 from tubeplanner.trajectory.reader import joined_samples
 
 # Averaging begins with at least `_MIN_PERIODS` periods; averaging and slowing down end at
@@ -175,6 +176,17 @@ class MotionSamples:
             result.append(time)
             time += float(sampled.samples.time[-1])
         return result
+
+    @property
+    def passed_marks(self) -> list[Mark]:
+        """Marks of stretches and of events on the way, in the motion of the samples."""
+        rows = zip(self.motion.ended_sections, self.sections, self.begins, strict=True)
+        return passed_marks(
+            [
+                replace(each, trajectory=_joined(each.trajectory, own.samples), begin=begin)
+                for each, own, begin in rows
+            ]
+        )
 
     def whole(self) -> tuple[TrajectorySamples, FloatArray]:
         """Return samples of sections and rests, and motor efforts, shape (N, n) [N m or N].

@@ -4,7 +4,7 @@ import csv
 import io
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
 from pathlib import Path
@@ -16,6 +16,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import require_between
 from tubeplanner.errors import OptionError, OutputError, shown
+from tubeplanner.limits.process_stretches import all_marks
 from tubeplanner.output.files.fingerprint import origin
 from tubeplanner.output.files.samples import MotionSamples, motion_samples
 from tubeplanner.task.legs import stop_text
@@ -23,12 +24,14 @@ from tubeplanner.task.motion import CycleMotion, Motion, ProblemMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import FORMULA_BEGINS
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
-from tubeplanner.trajectory.reader import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
+from tubeplanner.trajectory.parts import Mark
+from tubeplanner.trajectory.reader import MARK_COLUMN, TRAJECTORY_FORMAT, TRAJECTORY_VERSION
 from tubeplanner.writing import require_writable, write_files
 
 # ---- Files of a motion.
 
 _RATE = 500.0  # [Hz]
+_ROUNDING = 1e-9  # [s]
 
 
 def require_rate(rate: float | None) -> None:
@@ -153,26 +156,30 @@ def _json_text(exported: ExportedMotion) -> str:
     """Return the motion itself, with marks and origin."""
     motion, fields = exported.motion, dict[str, Any]()
     if not isinstance(motion, JointTrajectory):
-        if motion.marks:
-            fields["marks"] = [mark.as_dict() for mark in motion.marks]
+        if marks := all_marks(motion.marks, motion.sections):
+            fields["marks"] = [mark.as_dict() for mark in marks]
         fields |= origin(motion.task, exported.method)
     return trajectory_json(exported.trajectory, **fields)
 
 
 def _csv_text(exported: ExportedMotion) -> str:
-    """Return samples of sections and rests, with efforts of the arm as it is loaded then."""
+    """Return samples of sections and rests, with efforts of the arm as it is loaded then.
+
+    Marks on the way are in a last column, each at the first sample that is not before it.
+    """
     samples, names = exported.samples, exported.trajectory.joint_names
     if isinstance(samples, TrajectorySamples):
         return trajectory_csv(names, samples)
-    return trajectory_csv(names, *samples.whole())
+    return trajectory_csv(names, *samples.whole(), marks=samples.passed_marks)
 
 
 def _ros_text(exported: ExportedMotion) -> str:
-    """Return a message for every section, with comments on its moves and the rests beside it."""
+    """Return a message for every section, with comments on its moves, its marks and its rests."""
     samples, names = exported.samples, exported.trajectory.joint_names
     if isinstance(samples, TrajectorySamples):
         return trajectory_ros(names, samples)
     motion, documents = samples.motion, []
+    marks, begins = samples.passed_marks, samples.begins
     last = len(samples.sections) - 1
     for k, (section, sampled) in enumerate(
         zip(motion.ended_sections, samples.sections, strict=True)
@@ -184,6 +191,12 @@ def _ros_text(exported: ExportedMotion) -> str:
             comments += [f"after it: {stop_text(motion.stops[-1])}"] * (k == last)
         if sampled.note is not None:
             comments.append(sampled.note)
+        end = begins[k] + float(sampled.samples.time[-1])
+        comments += [
+            str(replace(mark, time=mark.time - begins[k]))
+            for mark in marks
+            if begins[k] <= mark.time <= end
+        ]
         documents.append(trajectory_ros(names, sampled.samples, *comments))
     return "---\n".join(documents)
 
@@ -203,9 +216,15 @@ def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
 
 
 def trajectory_csv(
-    joint_names: Sequence[str], samples: TrajectorySamples, effort: FloatArray | None = None
+    joint_names: Sequence[str],
+    samples: TrajectorySamples,
+    effort: FloatArray | None = None,
+    *,
+    marks: Sequence[Mark] = (),
 ) -> str:
     """Return samples as CSV: time, positions, velocities, accelerations and, if known, efforts.
+
+    Marks, if any, are texts in a last column.
 
     Raises:
         OutputError: A joint's name would be a formula to spreadsheets.
@@ -221,8 +240,17 @@ def trajectory_csv(
     header = ["time"] + [f"{name}.{what}" for what in columns for name in joint_names]
     table = np.column_stack([samples.time, *columns.values()])
     stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerow(header)
-    stream.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+    writer = csv.writer(stream, lineterminator="\n")
+    if not marks:
+        writer.writerow(header)
+        stream.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+        return stream.getvalue()
+    texts = [""] * len(table)
+    for mark in marks:
+        row = min(int(np.searchsorted(samples.time, mark.time - _ROUNDING)), len(table) - 1)
+        texts[row] += f"{'; ' * bool(texts[row])}{mark}"
+    writer.writerow([*header, MARK_COLUMN])
+    writer.writerows([*row, text] for row, text in zip(table.tolist(), texts, strict=True))
     return stream.getvalue()
 
 
