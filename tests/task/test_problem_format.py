@@ -131,7 +131,7 @@ MOTORS = (
 )
 TUBE = (
     "route, points, cross_section, radius, tool_radius, joint_signs, orientations, "
-    "rotation_tolerance, tool_speed, process, tool_acceleration, visit, pass_through_points"
+    "rotation_tolerance, tool_speed, process, events, tool_acceleration, visit, pass_through_points"
 )
 OBSTACLE = (
     "name, box, sphere, cylinder, capsule, mesh, points, size, scale, position, rpy, quaternion"
