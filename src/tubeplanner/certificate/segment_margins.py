@@ -125,7 +125,9 @@ class _State(NamedTuple):
 
 
 def best_switching_samples(
-    margin: FloatArray, passing: Mapping[int, FloatArray] | None = None
+    margin: FloatArray,
+    passing: Mapping[int, FloatArray] | None = None,
+    gates: Mapping[int, FloatArray] | None = None,
 ) -> IntArray:
     """Return the samples at which an ordered visit passes on.
 
@@ -133,17 +135,19 @@ def best_switching_samples(
         margin: Margins of N samples, in the order of time, in m segments, shape (N, m).
         passing: Margins of the samples at points that must be passed in a segment beside, shape
             (N,), by index of the inner point.
+        gates: Margins of the samples at which a segment may be entered, (N,), by its index; none:
+            it may be anywhere.
 
     Returns:
         Shape (m-1,), never decreasing: sample s belongs to segment k if it lies between the
         switching times k-1 and k, both included, so that a switching time counts in both its
         segments.
     """
-    passing = passing or {}
-    best = _best_margins(margin, passing)
+    passing, gates = passing or {}, gates or {}
+    best = _best_margins(margin, passing, gates)
     state, last = next(reversed(best)), len(margin) - 1
     switching_samples: list[int] = []
-    while sources := _sources(state, passing, len(margin)):
+    while sources := _sources(state, passing, gates, len(margin)):
         candidates = []
         for source, gate in sources:
             here = np.minimum(margin[:, source.segment], gate)
@@ -159,7 +163,7 @@ def best_switching_samples(
 
 
 def _best_margins(
-    margin: FloatArray, passing: Mapping[int, FloatArray]
+    margin: FloatArray, passing: Mapping[int, FloatArray], gates: Mapping[int, FloatArray]
 ) -> dict[_State, FloatArray]:
     """Return the largest worst margin with which each sample can be in each state, (N,) each.
 
@@ -171,7 +175,7 @@ def _best_margins(
         for first in (False, True) if k in passing else (True,):
             for last in (False, True) if k + 1 in passing else (True,):
                 state = _State(k, first, last)
-                sources = _sources(state, passing, len(margin))
+                sources = _sources(state, passing, gates, len(margin))
                 entered = [np.minimum(best[source], gate) for source, gate in sources]
                 if not entered:  # the state at the begin
                     entered = [np.where(np.arange(len(margin)) == 0, np.inf, -np.inf)]
@@ -181,14 +185,17 @@ def _best_margins(
 
 
 def _sources(
-    state: _State, passing: Mapping[int, FloatArray], count: int
+    state: _State,
+    passing: Mapping[int, FloatArray],
+    gates: Mapping[int, FloatArray],
+    count: int,
 ) -> list[tuple[_State, FloatArray]]:
-    """Return the states before a state, with the margins (N,) of the point passed in between."""
+    """Return the states before a state, with the margins (N,) of the passage from each to it."""
     k, first_passed, last_passed = state
     free = np.full(count, np.inf)
     sources = []
     if k > 0 and last_passed is (k + 1 not in passing):  # just entered, nothing is passed ahead
-        sources.append((_State(k - 1, True, first_passed), free))
+        sources.append((_State(k - 1, True, first_passed), gates.get(k, free)))
     if k in passing and first_passed:
         sources.append((_State(k, False, last_passed), passing[k]))
     if k + 1 in passing and last_passed:

@@ -27,6 +27,7 @@ from tubeplanner.certificate.tube_visits import (
     passages,
     visited_parts,
 )
+from tubeplanner.geometry.tube.bands import REQUIRED
 from tubeplanner.geometry.tube.rotation import RotationalTube
 from tubeplanner.orientation import (
     MATRIX_ERROR_GAIN,
@@ -50,7 +51,16 @@ def judge_tube(motion: JudgedMotion) -> JudgedCondition:
         return not_required("m", "the tool's position is free")
     least = least_margin(motion.tube, motion.tool, motion.visits)
     location = motion.location_in_segment(least.segment, least.time)
-    return bracketed(least.lower_bound, least.attained, "m", location)
+    judged = [bracketed(least.lower_bound, least.attained, "m", location)]
+    error = float(motion.tool.error.max())
+    for gate in motion.tube.gates:
+        (time,) = (visit.begin for visit in motion.visits if visit.segment == gate.point)
+        beyond = float(gate.margin(motion.tube, motion.tool.at(np.array([time])))[0]) - error
+        where = Location(time=time, point=int(motion.tube.numbers[gate.point]))
+        coverage = "at the end of a stretch at constant speed, inside it"
+        judged.append(JudgedCondition(beyond, "m", where, coverage))
+    # A stretch that is entered late is told where nothing else of the tube is broken more.
+    return min(judged, key=lambda condition: condition.margin or 0.0)
 
 
 def judge_points(motion: JudgedMotion) -> JudgedCondition:
@@ -248,8 +258,53 @@ _ENCLOSURE = 1e-8
 
 
 def judge_tool_speed(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the speed of the tool centre point, by polynomials that enclose its velocity."""
-    return _judged_in_segments(motion, "tool_speed", _velocity(motion.robot))
+    """Judge the speed of the tool centre point, by polynomials that enclose its velocity.
+
+    Limits bound it above; where the tube requires bands, their lower ends bound it below.
+    """
+    upper = _judged_in_segments(motion, "tool_speed", _velocity(motion.robot))
+    lower = judge_least_speed(motion)
+    if lower is None or upper.margin is None or lower.margin is None:
+        return upper
+    return min(lower, upper, key=lambda condition: condition.margin or 0.0)
+
+
+def judge_least_speed(motion: JudgedMotion) -> JudgedCondition | None:
+    """Judge the speed of the tool centre point above the floors of bands, relative to them.
+
+    On an interval, the speed is at least the velocity along any unit vector, a polynomial: along
+    its mean direction, what that loses falls to a quarter where an interval is halved. None where
+    no band is required.
+    """
+    floor = _floors(motion.problem)
+    if not np.isfinite(floor).any():
+        return None
+    visits = [visit for visit in motion.visits if np.isfinite(floor[visit.segment])]
+    if not visits:
+        return None
+    tolerance = np.full(3, _ENCLOSURE * floor.min())
+    velocity = enclosed(motion.trajectory, _velocity(motion.robot), tolerance)
+
+    def along(values: FloatArray, segment: IntArray) -> FloatArray:
+        mean = values.mean(axis=0)
+        direction = mean / np.maximum(np.linalg.norm(mean, axis=1), np.finfo(float).tiny)[:, None]
+        margin: FloatArray = np.einsum("nri,ri->nr", values, direction) / floor[segment] - 1
+        return margin
+
+    def speed(values: FloatArray, segment: IntArray) -> FloatArray:
+        margin: FloatArray = np.linalg.norm(values, axis=2) / floor[segment] - 1
+        return margin
+
+    least = least_concave_margin(velocity, visits, along, 1 / floor, speed)
+    location = motion.location_in_segment(least.segment, least.time)
+    return bracketed(least.lower_bound, least.attained, RELATIVE, location)
+
+
+def _floors(problem: PlanningProblem) -> FloatArray:
+    """Return the least speed in each segment, (m,) [m/s], inf where no band is required."""
+    floor, count = problem.tube.least_tool_speed, problem.tube.segment_count
+    is_required = floor is not None and problem.tube.process.steady == REQUIRED
+    return floor if floor is not None and is_required else np.full(count, np.inf)
 
 
 def judge_tool_acceleration(motion: JudgedMotion) -> JudgedCondition:
@@ -273,18 +328,30 @@ def _judged_in_segments(motion: JudgedMotion, name: str, quantity: Quantity) -> 
 
 
 class ToolRateMargin:
-    """A `SegmentMargin`: 1 less a norm of the tool's as a fraction of each segment's limit."""
+    """A `SegmentMargin`: of a norm of the tool's between each segment's limit and its floor."""
 
-    def __init__(self, trajectory: JointTrajectory, quantity: Quantity, limit: FloatArray) -> None:
+    def __init__(
+        self,
+        trajectory: JointTrajectory,
+        quantity: Quantity,
+        limit: FloatArray,
+        floor: FloatArray | None = None,
+    ) -> None:
         self._trajectory, self._quantity, self._limit = trajectory, quantity, limit
+        self._floor = np.full(len(limit), np.inf) if floor is None else floor
 
     def at(self, time: FloatArray) -> FloatArray:
         """Return the margins in all segments."""
-        return 1 - self._norm(time)[:, None] / self._limit
+        return self._margin(self._norm(time)[:, None], np.arange(len(self._limit)))
 
     def within(self, segment: IntArray, time: FloatArray) -> FloatArray:
         """Return the margins, each in its segment."""
-        margin: FloatArray = 1 - self._norm(time) / self._limit[segment]
+        return self._margin(self._norm(time), segment)
+
+    def _margin(self, norm: FloatArray, segment: IntArray) -> FloatArray:
+        floor = self._floor[segment]
+        above = np.where(np.isfinite(floor), norm / floor - 1, np.inf)
+        margin: FloatArray = np.minimum(1 - norm / self._limit[segment], above)
         return margin
 
     def _norm(self, time: FloatArray) -> FloatArray:
@@ -302,8 +369,9 @@ def tool_speed_margin(
 ) -> ToolRateMargin | None:
     """Return the margin of the tool's speed; None where no segment limits the speed."""
     limit = _limits(problem, "tool_speed")
-    quantity = _velocity(problem.robot)
-    return ToolRateMargin(trajectory, quantity, limit) if np.isfinite(limit).any() else None
+    if not np.isfinite(limit).any():
+        return None
+    return ToolRateMargin(trajectory, _velocity(problem.robot), limit, _floors(problem))
 
 
 def tool_acceleration_margin(

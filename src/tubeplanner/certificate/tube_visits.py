@@ -111,22 +111,31 @@ def telling_visits(
     # Between two samples one condition may begin to hold just before another one ends to.
     for one in fit.each():
         time = np.union1d(time, one.crossings(time))
-    is_ordered, levels = problem.tube.visit == "ordered", []
+    is_ordered, levels = problem.tube.visit == "ordered", list[float]()
+    gates = fit.gate_margins(time)
     holds = np.ones((len(time), problem.tube.segment_count), dtype=bool)
-    for one in fit.each():
+    each = list(fit.each())
+    for one in each:
         margin = one.at(time)
         values = np.where(holds, margin, -np.inf)
         if is_ordered:
-            most = _worst_visit(best_switching_samples(values), values)
+            samples = best_switching_samples(values, gates=gates)
+            most = min(_worst_visit(samples, values), _worst_gate(samples, gates))
         else:
             most = float(_least_of_steps(values).max(axis=1).min())
         levels.append(min(most, 0.0))
         holds &= margin >= levels[-1]
+        if one is each[0]:  # the tube's own condition, as gates are
+            gates = {k: np.where(gate >= levels[0], np.inf, -np.inf) for k, gate in gates.items()}
     fit.levels = levels
     return fit.visits(time, is_refined=False)
 
 
-def ordered_switching_samples(values: FloatArray, passing: dict[int, FloatArray]) -> IntArray:
+def ordered_switching_samples(
+    values: FloatArray,
+    passing: dict[int, FloatArray],
+    gates: dict[int, FloatArray] | None = None,
+) -> IntArray:
     """Return the best switching samples; others, if only these let compulsory points be passed.
 
     Not at the cost of another condition that holds: then the point is missed.
@@ -134,14 +143,15 @@ def ordered_switching_samples(values: FloatArray, passing: dict[int, FloatArray]
     Args:
         values: Least margins of all conditions at N samples in m segments, shape (N, m).
         passing: Margins of the samples inside the ball about each compulsory point, (N,), by index.
+        gates: As of `best_switching_samples`.
 
     Returns:
         As `best_switching_samples`, shape (m-1,).
     """
-    samples = best_switching_samples(values)
+    samples = best_switching_samples(values, gates=gates)
     if not passing or _worst_passing(samples, passing) >= 0:
         return samples
-    others = best_switching_samples(values, passing)
+    others = best_switching_samples(values, passing, gates)
     needed = min(0.0, _worst_visit(samples, values))
     return others if _worst_visit(others, values) >= needed else samples
 
@@ -156,6 +166,11 @@ def _worst_visit(samples: IntArray, values: FloatArray) -> float:
     ends = [0, *samples.tolist(), len(values) - 1]
     visits = zip(ends, ends[1:], values.T, strict=False)
     return min(float(value[begin : end + 1].min()) for begin, end, value in visits)
+
+
+def _worst_gate(samples: IntArray, gates: dict[int, FloatArray]) -> float:
+    """Return the least margin of gates at the switching samples of an ordered visit [m]."""
+    return min([np.inf, *(float(gate[samples[k - 1]]) for k, gate in gates.items())])
 
 
 def _worst_passing(samples: IntArray, passing: dict[int, FloatArray]) -> float:
@@ -200,6 +215,7 @@ def least_concave_margin(
     visits: list[Visit],
     margin_of: Callable[[FloatArray, IntArray], FloatArray],
     slope: FloatArray,
+    at: Callable[[FloatArray, IntArray], FloatArray] | None = None,
 ) -> LeastMargin:
     """Return the least margin of a vector during visits, for all t.
 
@@ -211,9 +227,12 @@ def least_concave_margin(
     Args:
         vector: Of three components.
         visits: Of the trajectory.
-        margin_of: From vectors (N, R, 3) and a segment per column (R,) to margins (N, R).
+        margin_of: From vectors (N, R, 3) and a segment per column (R,) to margins (N, R), or to
+            lower bounds on them that are concave in each column.
         slope: Bound on the margin's rate of change with the vector in each segment, shape (m,).
+        at: Likewise, to the margins themselves; None: as `margin_of`.
     """
+    at = at or margin_of
     interval, start, width, segment = visited_parts(vector, visits)
     attained, time, worst_segment = np.inf, 0.0, 0
     lower_bound, count = np.inf, 0
@@ -221,7 +240,7 @@ def least_concave_margin(
         count += len(interval)
         hull = bernstein_coefficients(vector.coefficients[:, interval], start, width)
         margin, error = margin_of(hull, segment), slope[segment] * vector.error[interval, 0]
-        ends = margin[[0, -1]]
+        ends = at(hull[[0, -1]], segment)
         end, row = np.unravel_index(int(ends.argmin()), ends.shape)
         if ends[end, row] < attained:
             attained, worst_segment = float(ends[end, row]), int(segment[row])
@@ -270,12 +289,13 @@ class _Fit:
         self._tube, self._trajectory, self._tool = problem.tube, trajectory, tool
         self._margins = segment_margins(problem, trajectory, tool, rotation, further)
         self.levels = [0.0] * len(self._margins)
+        self._has_gates = True
 
     def each(self) -> Iterator["_Fit"]:
-        """Yield the fit of each condition alone."""
+        """Yield the fit of each condition alone, the tube's first, without gates."""
         for margin, level in zip(self._margins, self.levels, strict=True):
             one = copy(self)
-            one._margins, one.levels = (margin,), [level]
+            one._margins, one.levels, one._has_gates = (margin,), [level], False
             yield one
 
     def sample_times(self) -> FloatArray:
@@ -319,7 +339,8 @@ class _Fit:
         if self._tube.visit == "ordered":
             points = self._tube.compulsory_points.tolist()
             passing = {k: self.passing_margin(k, time) for k in points}
-            samples = ordered_switching_samples(values, passing)
+            gates = {k: gate - self.levels[0] for k, gate in self.gate_margins(time).items()}
+            samples = ordered_switching_samples(values, passing, gates)
             # The nearest other times: at a breakpoint two samples share one.
             before = np.searchsorted(time, time[samples], "left") - step
             after = np.searchsorted(time, time[samples], "right") - 1 + step
@@ -344,6 +365,11 @@ class _Fit:
         distance = np.linalg.norm(self._tool.at(time) - self._tube.points[k], axis=1)
         margin: FloatArray = radius - distance
         return margin
+
+    def gate_margins(self, time: FloatArray) -> dict[int, FloatArray]:
+        """Return the margins of the tool beyond each gate at times (N,), (N,) [m], by its point."""
+        gates = self._tube.gates if self._has_gates else ()
+        return {gate.point: gate.margin(self._tube, self._tool.at(time)) for gate in gates}
 
     def best_passage(self, k: int, time: FloatArray) -> Passage:
         """Return the nearest passage of a compulsory point, at or between times (N,) [s]."""
@@ -388,7 +414,12 @@ class _Fit:
                 )
                 for segment in pairs
             )
-            return np.minimum(before, after)
+            least = np.minimum(before, after)
+            for gate in self._tube.gates if self._has_gates else ():
+                here = pairs[1] == gate.point
+                beyond = gate.margin(self._tube, self._tool.at(time[here])) - self.levels[0]
+                least[here] = np.minimum(least[here], beyond)
+            return least
 
         candidates = np.array([low, high, _highest(worse, low, high)])
         best = np.array([worse(time) for time in candidates]).argmax(axis=0)

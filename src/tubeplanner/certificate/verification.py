@@ -92,6 +92,8 @@ _SPEED_LIMITS = (
 )
 _AT_STOP = "with and without what is taken or let go"
 # Conditions that a bound on braking presupposes.
+# The least speed that counts, as a fraction of a band's floor.
+_STANDING = 1e-9
 _BRAKING_CONDITIONS = frozenset(
     ("velocity", "acceleration", "effort", "motor_curve", "rest", "continuity")
 )
@@ -106,12 +108,15 @@ class Certificate:
         tolerance: Largest violation that counts as none.
         left_out: Pairs of solids that were not checked against each other, with the reasons.
         other_speeds: The trajectory at other speeds; None: not known.
+        from_speed: Fraction of its speed from which on the trajectory keeps the required bands of
+            the tool's speed; None: none is required.
     """
 
     conditions: Mapping[str, JudgedCondition]
     tolerance: Tolerance
     left_out: tuple[LeftOutPair, ...] = ()
     other_speeds: OtherSpeeds | None = field(default=None, repr=False, compare=False)
+    from_speed: float | None = None
 
     def __post_init__(self) -> None:
         ordered = {name: self.conditions[name] for name in CONDITION_NAMES}
@@ -123,6 +128,7 @@ class Certificate:
             self.tolerance,
             self.left_out,
             self.other_speeds,
+            self.from_speed,
         )
 
     def __repr__(self) -> str:
@@ -204,6 +210,7 @@ class Certificate:
                 for name, condition in self.conditions.items()
             },
             "slower": self.slower,
+            "from_speed": self.from_speed,
             "slower_failure": None if failure is None else asdict(failure),
             "braking": None if braking is None else asdict(braking),
             "left_out": [
@@ -254,7 +261,26 @@ def quick_certificate(
     conditions = {name: judge(motion) for name, judge in JUDGED.items()}
     held = problem.robot, motion.trajectory, tolerance.relative, problem.holding
     speeds = OtherSpeeds(*held)
-    return Certificate(conditions, tolerance, problem.collision.left_out, speeds)
+    left_out = problem.collision.left_out
+    return Certificate(conditions, tolerance, left_out, speeds, _from_speed(motion))
+
+
+def longest_duration(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
+    """Return the longest duration in which a trajectory, run slower, keeps its speed bands [s].
+
+    Infinite where none is required.
+    """
+    fraction = _from_speed(_motion(problem, trajectory, _TOLERANCE))
+    return trajectory.duration / fraction if fraction else np.inf
+
+
+def _from_speed(motion: JudgedMotion) -> float | None:
+    """Return the fraction of its speed from which on a motion keeps its bands; None: it has none.
+
+    More than 1 if the motion itself is too slow somewhere.
+    """
+    lower = tool_conditions.judge_least_speed(motion)
+    return None if lower is None or lower.margin is None else 1 / max(1 + lower.margin, _STANDING)
 
 
 def _motion(
