@@ -163,7 +163,7 @@ def test_visits_cover_the_trajectory_in_order_and_switching_time_inside_both(sto
     problem, trajectory = stored(*POST)
     shapes = []
 
-    def counting(margin):
+    def counting(margin, gates):
         shapes.append(margin.shape)
         return best_switching_samples(margin)
 
