@@ -1,6 +1,7 @@
 """Every analytic derivative of the package against central differences: one table."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -40,6 +41,15 @@ def random_trajectory(robot, count=20):
     low, high = robot.limits.lower_position, robot.limits.upper_position
     q = rng.uniform(np.maximum(low, -3), np.minimum(high, 3), (count, robot.joint_count))
     return q, rng.normal(size=q.shape), rng.normal(size=q.shape)
+
+
+def deviation_by_position(robot, **shape):
+    regions, rng = (
+        t.Tube([[0, 0, 0], [1, 0, 0], [1, 1, 0]], **shape).regions,
+        np.random.default_rng(3),
+    )
+    p, segment = rng.uniform(-0.5, 1.5, (200, 3)), np.arange(200) % 2
+    return lambda p: regions.deviation(p, segment)[0], p, regions.deviation(p, segment)[1]
 
 
 def effort_by(argument):
@@ -200,7 +210,7 @@ def objective_by_variables(minimise, **motors):
 
 OF_OBJECTIVES = {
     f"{minimise}{words}": (objective_by_variables(minimise, **motors), 1e-5)
-    for minimise in ("smoothness", "energy", "work")
+    for minimise in ("smoothness", "energy", "work", "deviation")
     for words, motors in ((" by control points and times", {}), (" with friction", RUBBING))
 }
 TABLE = {
@@ -210,6 +220,15 @@ TABLE = {
     "rotation error by joints": (rotation_error_by_joints(0.5), 1e-7),
     "rotation error beyond the end": (rotation_error_by_joints(5.0), 1e-7),
     "required distance by joints": (required_distance_by_joints, 1e-6),
+    "deviation by position": (partial(deviation_by_position, radius=[0.1, 0.3]), 1e-7),
+    "deviation in boxes": (
+        partial(
+            deviation_by_position,
+            radius=[None, 0.3],
+            cross_section=[{"box": [0.3, 0.1], "up": [0, 1, 1]}, None],
+        ),
+        1e-7,
+    ),
     "effort by position": (effort_by(0), 1e-6),
     "effort by velocity": (effort_by(1), 1e-6),
     "effort by acceleration": (effort_by(2), 1e-6),

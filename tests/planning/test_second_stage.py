@@ -355,6 +355,40 @@ def test_it_falls_as_slack_grows_and_below_that_of_the_smooth_motion(minimise, s
     assert costs[1] < 0.98 * cost(problem.robot, smooth)
 
 
+def deviation_of(problem, trajectory):
+    """Return the mean square distance from the nearest segment, in radii."""
+    tube, t = problem.tube, np.linspace(0, trajectory.duration, 3000)
+    tool = problem.robot.tool_position(trajectory.position(t))
+    segment = tube.distance(tool).argmin(axis=1)
+    return float((tube.regions.deviation(tool, segment)[0] ** 2).sum(axis=1).mean())
+
+
+ARC = np.linspace(-0.8, 0.8, 151)
+BENT = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0]]
+DEVIATING = {
+    "corner": Tube(BENT, [0.03, 0.05]),
+    "chain": Tube(0.45 * np.array([np.cos(ARC), np.sin(ARC), 0 * ARC]).T, 0.01),
+    "boxes": Tube(BENT, None, cross_section={"box": [0.06, 0.1], "up": [0, 0, 1]}),
+}
+
+
+@pytest.mark.parametrize(
+    ("case", "period"), [("corner", None), ("corner", 0.004), ("chain", None), ("boxes", None)]
+)
+def test_a_motion_is_nearer_to_its_reference_within_the_slack(case, period, bundled):
+    robot, objective = bundled(LINE).robot, Objective(0.03, "deviation")
+    others = {"period": period, "objective": objective, "self_collision": False}
+    problem = PlanningProblem(robot, DEVIATING[case], Seed([-1.5, 1.4]), **others)
+    result = plan(problem, FAST)
+    (note,) = [note for note in result.notes if note.startswith("deviation reduced: ")]
+    after, before = (deviation_of(problem, own) for own in (result.trajectory, result.shortest))
+    assert verify(problem, result.trajectory).passed
+    assert after < 0.6 * before
+    said = map(float, re.search(r" (\S+) instead of (\S+) radii", note).groups())
+    assert list(said) == pytest.approx([after**0.5, before**0.5], rel=0.06)
+    assert result.duration <= result.shortest_duration * (1 + 0.03) * (1 + 1e-9)
+
+
 def test_what_weights_make_dear_is_spared(bundled):
     problem = bundled(LINE)
     alone = []

@@ -1,4 +1,4 @@
-"""Measures of a motion of fixed duration: energy, work, smoothness.
+"""Measures of a motion of fixed duration: energy, work, deviation from the reference, smoothness.
 
 M knot intervals, n joints, S switching times that may move, I quantities of a sample.
 """
@@ -11,12 +11,13 @@ from typing import TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.geometry.tube.regions import SegmentRegions
 from tubeplanner.limits.joint_efforts import JointEffort
 from tubeplanner.limits.peaks import EffortCosts
 from tubeplanner.limits.rates import JointRate
 from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline, Samples, sampled
 from tubeplanner.optimizer.spline_constraints import Iterate
-from tubeplanner.task.demands import ENERGY, SMOOTHNESS, Objective
+from tubeplanner.task.demands import DEVIATION, ENERGY, SMOOTHNESS, Objective
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import from_spline
 
@@ -143,7 +144,7 @@ class MeasureModel:
         )
 
 
-Measure: TypeAlias = "Energy | Work | EffortRate | EffortVariation | Jerk"
+Measure: TypeAlias = "Energy | Work | Deviation | EffortRate | EffortVariation | Jerk"
 # Measures with the weights of their logarithms.
 Weighted: TypeAlias = tuple[tuple[float, Measure], ...]
 
@@ -175,8 +176,8 @@ class _PowerSum:
         raise NotImplementedError
 
 
-# Weight of the logarithm of energy or work, and the fraction of smoothness beside it: joints that
-# cost nothing would wiggle, and efforts chatter where that costs next to nothing.
+# Weight of the logarithm of energy, work or deviation, and the fraction of smoothness beside it:
+# joints that cost nothing would wiggle, and efforts chatter where that costs next to nothing.
 _WEIGHT, _SMOOTHNESS = 30.0, 0.3
 _MIN_WORK = 1e-9  # [J]
 
@@ -193,6 +194,8 @@ def objective_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: f
     own: Measure
     if objective.minimise == ENERGY:
         own = Energy(objective.energy_weights(robot))
+    elif objective.minimise == DEVIATION:
+        own = Deviation(problem.tube.regions)
     else:
         motion = from_spline(robot.joint_names, spline.bspline()).scaled(run_in)
         own = Work(robot.joint_count, max(EffortCosts(robot, motion).work(), _MIN_WORK))
@@ -206,26 +209,44 @@ _ROUNDED = 0.5
 _NOTHING = 1e-9
 
 
-class Energy(_PowerSum):
-    """The integral of the weighted squared efforts, weights (n,) >= 0: heat of the currents."""
+class _SquareIntegral(_PowerSum):
+    """The integral of the squares of I quantities of samples, for a run in 1 s."""
 
     _power = 2
+
+    def _quantities(self, motion: IntervalMotion) -> FloatArray:
+        """Return the quantities, shape (M, 3, I)."""
+        raise NotImplementedError
+
+    def _by_variables(self, motion: IntervalMotion) -> tuple[FloatArray, FloatArray]:
+        """Return the derivatives of the quantities, as `IntervalMotion.chained` does."""
+        raise NotImplementedError
+
+    def _residual(self, motion: IntervalMotion) -> FloatArray:
+        return self._quantities(motion) * _scale(motion)
+
+    def _derivatives(
+        self, motion: IntervalMotion, residual: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        control, switching = self._by_variables(motion)
+        scale, wider = _scale(motion), motion.width_by_switching / (2 * motion.width[:, None])
+        changing = residual[..., None] * wider[:, None, None]
+        return control * scale[..., None, None], switching * scale[..., None] + changing
+
+
+class Energy(_SquareIntegral):
+    """The integral of the weighted squared efforts, weights (n,) >= 0: heat of the currents."""
 
     def __init__(self, weights: FloatArray) -> None:
         with np.errstate(divide="ignore"):
             limit = 1 / np.sqrt(weights)
         self._effort = JointEffort(limit, with_coulomb_friction=True)
 
-    def _residual(self, motion: IntervalMotion) -> FloatArray:
-        return motion.effort(self._effort) * _scale(motion)
+    def _quantities(self, motion: IntervalMotion) -> FloatArray:
+        return motion.effort(self._effort)
 
-    def _derivatives(
-        self, motion: IntervalMotion, residual: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        control, switching = motion.effort_derivatives(self._effort)
-        scale, wider = _scale(motion), motion.width_by_switching / (2 * motion.width[:, None])
-        changing = residual[..., None] * wider[:, None, None]
-        return control * scale[..., None, None], switching * scale[..., None] + changing
+    def _by_variables(self, motion: IntervalMotion) -> tuple[FloatArray, FloatArray]:
+        return motion.effort_derivatives(self._effort)
 
 
 class Work:
@@ -285,6 +306,33 @@ class Work:
         power = motion.effort(self._effort) * motion.at_samples(motion.path.by_path[1])
         rounded = self._rounded / len(power) * SIMPSON[:, None]
         return power * _scale(motion) ** 2, np.broadcast_to(rounded, power.shape)
+
+
+# ---- Deviation of the tool from the reference.
+
+# Deviations far below this fraction of a radius count as none.
+_ON_REFERENCE = 0.01
+
+
+class Deviation(_SquareIntegral):
+    """The mean over time of the squared distance from the segments' axes, in their tolerances."""
+
+    def __init__(self, regions: SegmentRegions) -> None:
+        """Take the regions of all segments."""
+        self._regions = regions
+
+    def total(self, motion: IntervalMotion) -> float:
+        """Return the mean square, above zero [radii^2]."""
+        return super().total(motion) + _ON_REFERENCE**2
+
+    def _quantities(self, motion: IntervalMotion) -> FloatArray:
+        path = motion.path
+        return motion.at_samples(self._regions.deviation(path.tool_pose[1], path.segment)[0])
+
+    def _by_variables(self, motion: IntervalMotion) -> tuple[FloatArray, FloatArray]:
+        path = motion.path
+        by_tool = self._regions.deviation(path.tool_pose[1], path.segment)[1]
+        return motion.chained({0: by_tool @ path.tool_jacobian[:, :3]})
 
 
 def _scale(motion: IntervalMotion) -> FloatArray:

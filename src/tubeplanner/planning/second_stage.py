@@ -1,4 +1,4 @@
-"""From the shortest motion to the written motion: periods, slack, smoothness, energy."""
+"""From the shortest motion to the written motion: periods, slack, smoothness, energy, deviation."""
 
 from dataclasses import replace
 from functools import partial
@@ -22,7 +22,7 @@ from tubeplanner.planning.refined_plan import certified_motion, entered
 from tubeplanner.planning.result import PlanResult, certified_result
 from tubeplanner.planning.steady_plans import steadiness_note
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.task.demands import ENERGY, SMOOTHNESS, Objective
+from tubeplanner.task.demands import DEVIATION, ENERGY, SMOOTHNESS, Objective
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import REST_POINTS
@@ -69,11 +69,12 @@ _DURATIONS = 50
 def cheapest_duration(problem: PlanningProblem, shortest: JointTrajectory, longest: float) -> float:
     """Return the duration [s] in which the shortest motion, run slower, costs least.
 
-    One of 50 evenly spaced durations up to the longest; the longest for smoothness. Slower motions
-    need less effort for acceleration, but are held against gravity for longer.
+    One of 50 evenly spaced durations up to the longest; the longest for smoothness and
+    deviation. Slower motions need less effort for acceleration, but are held against gravity for
+    longer.
     """
     objective = problem.objective or Objective()
-    if objective.minimise == SMOOTHNESS:
+    if objective.minimise in (SMOOTHNESS, DEVIATION):
         return longest
     costs = EffortCosts(problem.robot, shortest)
     durations = np.linspace(shortest.duration, longest, _DURATIONS).tolist()
@@ -146,7 +147,9 @@ def second_stage_plan(
     stopped_by = stopped_by or (None if result is None else result.stopped_by)
     after = None if result is None else result.trajectory
     if result is None or after is None or not no_longer(after.duration, longest):
-        done = "smoothed" if _is_smoothing(problem) else "changed to save anything"
+        objective = problem.objective or Objective()
+        names = {SMOOTHNESS: "smoothed", DEVIATION: "nearer to the reference"}
+        done = names.get(objective.minimise, "changed to save anything")
         if stopped_by is not None:
             reason = f"stopped by {stopped_by.replace('_', ' ')}"
         elif result is None:
@@ -179,7 +182,8 @@ def _certified(
     """Return the certified result of the second stage; None on failure."""
     assert shortest.motion is not None and shortest.certificate is not None
     objective = problem.objective or Objective()
-    name = "smoothing" if _is_smoothing(problem) else f"saving {objective.minimise}"
+    names = {SMOOTHNESS: "smoothing", DEVIATION: "reducing the deviation"}
+    name = names.get(objective.minimise, f"saving {objective.minimise}")
     clock.enter(name)
 
     def checkpoint(duration: float) -> None:
@@ -193,10 +197,6 @@ def _certified(
         return certified_motion(problem, stage, clock, timed=timed)
     except Infeasible:
         return None
-
-
-def _is_smoothing(problem: PlanningProblem) -> bool:
-    return (problem.objective or Objective()).minimise == SMOOTHNESS
 
 
 def followed_plan(
@@ -362,6 +362,20 @@ def jerk_note(robot: RobotModel, trajectory: JointTrajectory) -> tuple[str, ...]
     )
 
 
+_LOOKS = 2000  # instants of a motion whose deviations count
+
+
+def _deviations(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[float, float]:
+    """Return the root mean square distance from the nearest segment, in radii and in m."""
+    tube = problem.tube
+    q = trajectory.position(np.linspace(0.0, trajectory.duration, _LOOKS))
+    tool = tube.tool_pose(problem.robot, q)[1]
+    distance = tube.distance(tool)
+    radii = np.linalg.norm(tube.regions.deviation(tool, distance.argmin(axis=1))[0], axis=1)
+    mean_squares = (radii**2).mean(), (distance.min(axis=1) ** 2).mean()
+    return float(np.sqrt(mean_squares[0])), float(np.sqrt(mean_squares[1]))
+
+
 def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTrajectory) -> str:
     """Return the note on the second stage's gain by the objective, from the shortest motion."""
     objective, robot = problem.objective or Objective(), problem.robot
@@ -379,6 +393,13 @@ def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTra
                 unit = "limits" if is_limited else "times the largest effort of the shortest motion"
                 swings.append(f"{variation[joint]:.1f} {unit} ('{robot.joint_names[joint]}')")
             gain = f"largest effort swing {swings[0]} instead of {swings[1]}, {gain}"
+    elif objective.minimise == DEVIATION:
+        (radii, size), (old_radii, old_size) = (
+            _deviations(problem, trajectory) for trajectory in (after, before)
+        )
+        gain = f"rms distance from the reference {radii:.2g} instead of {old_radii:.2g} radii"
+        gain += f", {1000 * size:.3g} instead of {1000 * old_size:.3g} mm"
+        done = "deviation reduced" if radii < old_radii else "deviation not reduced"
     else:
         costs = [EffortCosts(robot, trajectory) for trajectory in (after, before)]
         if objective.minimise == ENERGY:

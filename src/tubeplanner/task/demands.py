@@ -113,8 +113,7 @@ def _label(names: Names) -> str:
 
 # ---- The objective beside the shortest duration.
 
-MINIMISED = ("smoothness", "energy", "work")
-SMOOTHNESS, ENERGY = MINIMISED[:2]
+SMOOTHNESS, ENERGY, WORK, DEVIATION = MINIMISED = ("smoothness", "energy", "work", "deviation")
 _SLACK, _MAX_SLACK = 0.005, 10.0
 _MAX_DURATION = 1e4  # [s]
 _ROUNDING = 1e-6  # of a period
@@ -126,7 +125,8 @@ class Objective:
     """Objective of a trajectory beside the shortest duration.
 
     Minimised is "smoothness", efforts that change little and slowly, and small jerks; "energy", the
-    integral of weighted squared efforts; or "work", the integral of the power that motors put in.
+    integral of weighted squared efforts; "work", the integral of the power that motors put in; or
+    "deviation", the mean over time of the squared distance from the tube's reference, in radii.
 
     Raises:
         ProblemError: On construction, for a slack that is no number from 0 to 10, a duration that
@@ -142,7 +142,7 @@ class Objective:
     minimise: str = declared(
         SMOOTHNESS,
         "what that time is used for: efforts and jerks that change little, the integral of "
-        "squared efforts, or that of positive power",
+        "squared efforts, that of positive power, or squared distances from the reference",
         Literal[MINIMISED],
     )
     duration: Finite | None = declared(

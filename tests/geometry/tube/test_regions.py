@@ -180,6 +180,21 @@ def test_margin_share_and_normal_have_closed_forms(which):
     np.testing.assert_array_equal(box_tube().regions.outward(exactly, FIRST), [[0, 0, 0]])
 
 
+@pytest.mark.parametrize("which", TUBES)
+def test_the_largest_component_of_a_deviation_is_the_used_fraction(which):
+    tube, put = TUBES[which]
+    for where, _, fraction, _ in PLACES.values():
+        vector, _ = tube.regions.deviation(put(where)[None], FIRST)
+        assert abs(vector).max() == pytest.approx(fraction, abs=1e-9)
+
+
+def test_the_length_of_a_deviation_in_a_capsule_is_the_used_fraction():
+    rng, segment = np.random.default_rng(5), np.arange(200) % 2
+    p, capsules = rng.uniform(-0.5, 1.5, (200, 3)), Tube(CORNER, [0.1, 0.2]).regions
+    length = np.linalg.norm(capsules.deviation(p, segment)[0], axis=1)
+    np.testing.assert_allclose(length, capsules.fraction(p, segment), rtol=1e-12)
+
+
 def test_a_box_has_six_faces_with_its_half_sides_as_extents():
     regions = box_tube().regions
     faces = [normal[0].tolist() for normal in regions.faces(FIRST)]

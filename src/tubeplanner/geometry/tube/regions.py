@@ -86,6 +86,20 @@ class SegmentRegions(Protocol):
     def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return unit normals where the fraction grows fastest, (R, 3); zero on the axis."""
 
+    def deviation(self, p: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return vectors from the nearest points of axes to points, and their derivatives.
+
+        In tolerances: lengths are 1 on the walls. Derivatives by the points are one-sided at the
+        ends of axes.
+
+        Args:
+            p: Shape (R, 3).
+            segment: Index of the region, shape (R,).
+
+        Returns:
+            Shapes (R, 3) and (R, 3, 3).
+        """
+
     def nearest(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the points of regions nearest to points (R, 3), shape (R, 3)."""
 
@@ -125,6 +139,17 @@ class Capsules:
         away, distance = self._away(p, segment)
         distance = distance[..., None]
         return np.divide(away, distance, out=np.zeros_like(away), where=distance > _NO_LENGTH)
+
+    def deviation(self, p: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return vectors from the axes in radii."""
+        away, _ = self._away(p, segment)
+        direction = self._direction[segment]
+        # Beside an axis, no part of the vector is along it.
+        is_beside = abs(np.einsum("ri,ri->r", away, direction)) <= _NO_LENGTH
+        along = np.where(is_beside[:, None], direction, 0.0)
+        across = np.eye(3) - along[:, :, None] * along[:, None, :]
+        radius = self.radius[segment, None]
+        return away / radius, across / radius[..., None]
 
     def nearest(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the nearest points of the capsules."""
@@ -344,6 +369,19 @@ class BoxRegions(Capsules):
         side = np.sign(np.einsum("ri,ri->r", normal, p - self.begin[segment]))
         normal = np.where((fraction.max(axis=-1) > 0)[:, None], side[:, None] * normal, 0.0)
         return np.where(self.is_box[segment, None], normal, super().outward(p, segment))
+
+    def deviation(self, p: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return vectors from the axes in half sides, in the boxes' frames, or else in radii."""
+        begin, frame = self.begin[segment], self.frame[segment]
+        local = np.einsum("rai,ri->ra", frame, p - begin)
+        length = np.linalg.norm(self.end[segment] - begin, axis=1)
+        local[:, 2] -= np.clip(local[:, 2], 0.0, length)
+        by_p = frame / self.half[segment][..., None]
+        by_p[local[:, 2] == 0, 2] = 0.0
+        vector, derivative = super().deviation(p, segment)
+        is_box = self.is_box[segment, None]
+        own = np.where(is_box, local / self.half[segment], vector)
+        return own, np.where(is_box[..., None], by_p, derivative)
 
     def nearest(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the nearest points of the boxes, or else of the capsules."""
