@@ -21,6 +21,7 @@ from tubeplanner.planning.free_plans import free_plan
 from tubeplanner.planning.options import (
     BRANCH_AND_BOUND,
     METHODS,
+    QUALITIES,
     REFINEMENT,
     STOP_AT_CORNERS,
     SUH_BISHOP,
@@ -50,7 +51,7 @@ _CONTINUED = "planned from the last motion, not afresh"
 _RESERVE_AT = 0.25
 # Fraction by which a motion in fewer segments is faster if there may be one in still fewer.
 _WORTHWHILE = 0.005
-# Of a band's lower end, what the formula for bends understates at most: below, nothing is tried.
+# Of a band's lower end: less than this share is given up before other starts are tried.
 _SURELY_LESS = 0.88
 
 
@@ -252,10 +253,16 @@ def _upper_ends(state: _Planning) -> PlanResult | None:
     if result is None or result.trajectory is None or result.motion is None:
         return None
     state.upper = StretchSpeeds(state.problem, result.trajectory)
-    if (reason := bend_refusal(state.upper, state.branches.tried, _SURELY_LESS)) is not None:
+    tried = state.branches.tried
+    enough = 0.0 if QUALITIES[state.options.quality].every_start else _SURELY_LESS
+    if (reason := bend_refusal(state.upper, tried, enough)) is not None:
         raise reason
     continued = continued_plan(state.problem, result.motion, clock)
-    return continued if continued is not None and continued.succeeded else None
+    if continued is not None:
+        return continued
+    if (reason := dip_refusal(state.upper, tried, enough)) is not None:
+        raise reason
+    return None
 
 
 def _outside_bands(state: _Planning) -> PlanResult | None:

@@ -148,6 +148,7 @@ class HeldBend:
 
 # ---- The refusal of bands that joints cannot hold.
 
+_BINDS = 0.9  # from this fraction on a limit may explain a dip beside it
 _SINGULAR = 0.05  # the least singular value of the tool's Jacobian, as a share of the largest
 
 
@@ -186,14 +187,16 @@ def bend_refusal(motion: StretchSpeeds, starts: int = 0, enough: float = 1.0) ->
     )
 
 
-def dip_refusal(motion: StretchSpeeds, starts: int = 0) -> Infeasible | None:
+def dip_refusal(
+    motion: StretchSpeeds, starts: int = 0, enough: float = 1 - _ROUNDING
+) -> Infeasible | None:
     """Return the refusal of the sample of a motion that is slowest in its band, if it is outside.
 
     Arguments as of `bend_refusal`.
     """
     problem, sample = motion.problem, int(motion.share.argmin())
     share = float(motion.share[sample])
-    if share >= 1 - _ROUNDING:
+    if share >= enough:
         return None
     uses = limit_uses(problem, motion.trajectory, _PER_PIECE)
     shape = (TUBE, ROTATION, "tool_speed", "position")
@@ -204,7 +207,10 @@ def dip_refusal(motion: StretchSpeeds, starts: int = 0) -> Infeasible | None:
     segment, q = int(motion.segment[sample]), motion.q[sample]
     values = np.linalg.svd(problem.robot.tool_jacobian(q[None])[1][0], compute_uv=False)
     near = " near a singularity" if values[-1] < _SINGULAR * values[0] else ""
-    joint = None if binding.joint is None else binding.name
+    joint, why = None, "no limit of joints binds"
+    if binding.fraction[sample] >= _BINDS:
+        joint = None if binding.joint is None else binding.name
+        why = f"{binding.kind} of {binding.name}"
     location = Location(
         joint=joint, segment=problem.tube.segment_number(segment, motion.tool[sample])
     ).at(motion.tool[sample])
@@ -214,7 +220,7 @@ def dip_refusal(motion: StretchSpeeds, starts: int = 0) -> Infeasible | None:
     return Infeasible(
         PlanStatus.NO_TRAJECTORY,
         f"tool_speed: segment {location.segment}: the fastest motion slows to "
-        f"{motion.speed[sample]:.3f} m/s there{near} ({binding.kind} of {binding.name}), "
+        f"{motion.speed[sample]:.3f} m/s there{near} ({why}), "
         f"{motion.floor[segment]:.4g} is asked; {tolerance}"
         f"{_listed(_slower(motion, segment, share))} helps",
         location,
