@@ -7,6 +7,7 @@ import pytest
 from asked_problems import POINTS, POST, asked, made, text_of, the
 
 from tubeplanner.studies.change_kinds import (
+    band_changes,
     cell_changes,
     clearance_changes,
     effort_changes,
@@ -451,3 +452,26 @@ def test_a_part_is_held_better_or_worse_by_one_number_of_its_contact_but_never_l
     for field in ("holding.2.liquid.tilt", "holding.1.tray.friction"):
         change = the(holding_changes(question, 1), field)
         assert change.propose(change.most).after == 1.5
+
+
+BANDED = [{"speed": 0.2, "tolerance": 0.05}, {"between": [0.1, 0.3]}, 0.5]
+
+
+def test_bands_are_slowed_left_to_the_joints_or_bend_wider():
+    """An upper limit beside them stays; of both segments at a point the radius is widened."""
+    question = asked({"tube.tool_speed": BANDED, "tube.radius": [0.03, 0.05, 0.05]})
+    slower, best, bend = band_changes(question)
+    assert (slower.field, best.field) == ("tube.tool_speed", "tube.process.steady")
+    proposal = slower.propose(0.25)
+    assert proposal.text == "bands of tool_speed times 0.75"
+    after = [{"speed": 0.15, "tolerance": 0.05}, {"between": [0.075, 0.225]}, 0.5]
+    assert proposal.changes == {"tube.tool_speed": after}
+    assert best.propose(1.0).changes == {"tube.process.steady": "best"}
+    assert bend.about == {"point 1"}
+    assert bend.propose(0.03).text == "segments 0 and 1: radius 30 -> 60 mm"
+    assert bend.propose(0.03).changes == {"tube.radius": [0.06, 0.06, 0.05]}
+    assert bend.propose(0.01).changes == {"tube.radius": [0.04, 0.05, 0.05]}
+
+
+def test_without_bands_nothing_is_steadier():
+    assert list(band_changes(asked({"tube.tool_speed": [0.5, None, 0.5]}))) == []

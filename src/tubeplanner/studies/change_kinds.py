@@ -13,6 +13,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.first_guess.pose_configurations import middle_of
+from tubeplanner.geometry.tube.bands import BEST, REQUIRED, has_bands
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.studies.changes import (
     MAX_GROWTH,
@@ -31,6 +32,7 @@ from tubeplanner.task.problem_reader import end_of
 
 _MAX_MOVE = 1.0  # [m], or [rad]
 _TENTH = 0.1  # [m], or [rad]
+_MAX_SLOWER = 0.9  # of the speeds of bands
 
 # ---- Directions of moves, in words and as unit vectors.
 
@@ -126,6 +128,52 @@ def radius_changes(question: Question, sign: int) -> Iterator[Change]:
     if sign > 0 and sum(radius is not None for radius in radii) > 1:
         before = _plain(question.spec.document["tube"].get("radius"))
         yield Change("radii", "tube.radius", before, "", 1.0, MAX_GROWTH, scaled)
+
+
+def band_changes(question: Question) -> Iterator[Change]:
+    """Yield the changes of speed bands: slower, as near as joints can, wider bends inside them."""
+    document = question.spec.document["tube"]
+    before = _plain(document.get("tool_speed"))
+    if not has_bands(before):
+        return
+
+    def slower(size: float) -> Proposal:
+        factor = exact(1 - size)
+        entries = before if isinstance(before, list) else [before]
+        after = [_scaled_band(each, factor) for each in entries]
+        value = after if isinstance(before, list) else after[0]
+        brief = f"times {figures(factor)}"
+        return Proposal({"tube.tool_speed": value}, value, f"bands of tool_speed {brief}", brief)
+
+    yield Change("band", "tube.tool_speed", before, "", 1.0, _MAX_SLOWER, slower, is_loss=True)
+    process = document.get("process") or {}
+    if process.get("steady", REQUIRED) == REQUIRED:
+        path = "tube.process.steady"
+        best = Proposal({path: BEST}, BEST, f"process.steady: {REQUIRED} -> {BEST}")
+        yield Change.switch("band", path, REQUIRED, best)
+    radii = question.per_segment(question.tube_fields["radius"])
+    is_banded = [has_bands([each]) for each in question.per_segment(before)]
+
+    def wider(point: int, after: float) -> dict[str, Any]:
+        beside = [max(radius, after) for radius in radii[point - 1 : point + 1]]
+        return _new_radii(question, [*radii[: point - 1], *beside, *radii[point + 1 :]])
+
+    for point in range(1, question.segment_count):
+        own = radii[point - 1 : point + 1]
+        if all(is_banded[point - 1 : point + 1]) and None not in own:
+            path = f"tube.radius.{point - 1}, tube.radius.{point}"
+            number = (path, min(own), "m", 1, f"segments {point - 1} and {point}: radius")
+            about = frozenset({f"point {point}"})
+            yield Change.of_number("bend", *number, changes=partial(wider, point), about=about)
+
+
+def _scaled_band(entry: Any, factor: float) -> Any:
+    """Return an entry of `tool_speed` whose band is multiplied by a factor; a limit stays."""
+    if not isinstance(entry, Mapping):
+        return entry
+    if entry.get("between") is not None:
+        return {"between": [exact(factor * each) for each in entry["between"]]}
+    return {"speed": exact(factor * entry["speed"]), "tolerance": entry["tolerance"]}
 
 
 def _new_radii(question: Question, radii: Sequence[float | None]) -> dict[str, Any]:
@@ -464,7 +512,7 @@ def tool_limit_changes(question: Question, sign: int) -> Iterator[Change]:
         else:
             values[f"tube.{name}"] = of_tube
         for path, value in values.items():
-            if value is not None and np.isfinite(value):
+            if isinstance(value, int | float) and np.isfinite(value):  # no band
                 is_of_robot = path.startswith("robot") and not getattr(fields.robot.limits, name)
                 number = (path, value, unit, sign, f"{path}:")
                 yield Change.of_number(name, *number, is_of_robot=is_of_robot)

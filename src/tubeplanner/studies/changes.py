@@ -238,6 +238,8 @@ _HELPFUL = {
         ("radius", "sign", "point"),
     ),
 }
+# Of a band that joints cannot hold.
+_STEADIES = ("band", "bend", "radii", "rotation_tolerance"), ("radius", "payload", "point")
 # Of a part that is lost, whatever the status.
 _HOLDS = ("holding", "rotation_tolerance"), ("radius", "start", "goal", "point")
 # The kinds that are tried only if nothing else helps, whatever the cause.
@@ -269,6 +271,9 @@ def in_order(
     likelier, others = _HELPFUL.get(status, ((), ()))
     if location.contact is not None:
         likelier, others = _HOLDS
+    changes = list(changes)
+    if status is PlanStatus.NO_TRAJECTORY and any(each.kind == "band" for each in changes):
+        likelier, others = _STEADIES
     kinds = (*likelier, *others)
     rank = {kind: k for k, kind in enumerate(kinds)}
     for change in sorted(changes, key=lambda change: rank.get(change.kind, len(kinds))):

@@ -28,7 +28,13 @@ from tubeplanner.outcome import (
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
-from tubeplanner.studies.change_kinds import cell_changes, end_changes, limit_changes, tube_changes
+from tubeplanner.studies.change_kinds import (
+    band_changes,
+    cell_changes,
+    end_changes,
+    limit_changes,
+    tube_changes,
+)
 from tubeplanner.studies.changes import Change, Question, in_order, rounded
 from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.remedies import (
@@ -263,7 +269,7 @@ def explain(
         location = replace(location, segment=question.segment_near(np.array(location.position)))
     shortest = None if outcome.result is None else outcome.result.shortest_duration
     candidates: list[Change] = []
-    for kind in (tube_changes, limit_changes, cell_changes, end_changes):
+    for kind in (band_changes, tube_changes, limit_changes, cell_changes, end_changes):
         for change in kind(question):
             candidates.append(change)
             if change.kind == "duration" and shortest is not None and shortest > change.before:
@@ -329,6 +335,8 @@ _KINDS = (
     ("tube.points", "", "several reference points together", "", "moved by up to 1 m"),
     ("tube.joint_signs.", "", "sign of", "signs of joints", "any other"),
     ("tube.pass_through_points", "", "pass_through_points", "", "none"),
+    ("tube.tool_speed", "", "tube.tool_speed", "", "up to eleven times, bands down to a tenth"),
+    ("tube.process.steady", "", "process.steady", "", "best"),
     ("robot.limits.effort.", "", "effort of", "effort of joints", "up to eleven times"),
     (
         *("robot.limits.position.", "", "position limits of", "position limits of joints"),
