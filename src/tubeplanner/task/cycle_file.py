@@ -309,7 +309,8 @@ class _MoveReader:
                 )
             tube_of = partial(tube_anywhere, begin=self._end)
         problem_fields = ProblemFields.model_validate(merged)
-        problem = build_problem(problem_fields, self._directory, name, source, tube_of)
+        where = (self._directory, name, source, tube_of)
+        problem = build_problem(problem_fields, *where, is_part=True)
         self.first = self.first or problem
         clearance = ProblemFields.model_validate(
             {**merged, **_above(self._data, own, "clearance")}

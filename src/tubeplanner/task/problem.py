@@ -93,6 +93,7 @@ class PlanningProblem:
     joint_lower: FloatArray = field(init=False)
     joint_upper: FloatArray = field(init=False)
     _scene: CollisionScene | None = field(default=None, repr=False)
+    _is_part: bool = field(default=False, repr=False)  # of a motion that does not stop at its ends
 
     def __post_init__(self) -> None:
         require_parts(self, "robot", "tube", "self_collision", "name")
@@ -109,7 +110,8 @@ class PlanningProblem:
         if self._scene is None or not self._scene.is_as(scene):
             self._keep("_scene", scene)
         self._keep_joint_bounds()
-        self._require_free_ends()
+        if not self._is_part:
+            self._require_free_ends()
         self._keep("start", self._checked_end("start", self.start, 0))
         last = self.tube.segment_count - 1
         if isinstance(self.goal, GoalRegion):

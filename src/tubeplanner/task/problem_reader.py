@@ -119,11 +119,13 @@ def build_problem(
     source: str,
     tube_of: Callable[[ProblemFields, RobotModel, Path], Tube] | None = None,
     like: PlanningProblem | None = None,
+    *,
+    is_part: bool = False,
 ) -> PlanningProblem:
     """Build a problem from fields, with its collision geometry.
 
     Robot and solids are those of the problem `like`, if any; without `tube_of` the tube is the
-    file's. The source begins messages.
+    file's. The source begins messages. A part is a move, at whose ends the arm may not stop.
     """
     try:
         robot = robot_of(fields, directory) if like is None else like.robot
@@ -146,6 +148,7 @@ def build_problem(
             holding=holding,
             name=name,
             notes=(*doubts(angles_of(fields.model_dump())), *notes),
+            _is_part=is_part,
         )
         _ = problem.collision  # built here, so that planning starts with loaded geometry
     except (ProblemError, RobotError) as error:
