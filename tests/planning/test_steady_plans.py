@@ -8,6 +8,8 @@ from gantry import gantry
 
 from tubeplanner import PlanOptions, load_problem, plan
 from tubeplanner.errors import OptionError
+from tubeplanner.outcome import PlanningClock
+from tubeplanner.planning.steady_plans import steadiest_plan
 
 A, RADIUS = 4.0, 0.002  # [m/s^2], [m]
 # What a point mass can hold in a corner of 90 degrees whose bisector is along an axis.
@@ -83,6 +85,14 @@ def test_best_loses_least(tmp_path):
 def test_best_is_the_band_where_it_can_be_held(tmp_path):
     result = plan(_corner(tmp_path, 0.7 * HELD, 0.9 * HELD, steady="best"), SHORTEST)
     assert "steady: best: 100.0% of the bead is in its band" in result.notes
+
+
+def test_best_that_is_stopped_is_the_motion_so_far(tmp_path):
+    problem = _corner(tmp_path, 1.2 * HELD, 1.5 * HELD, steady="best")
+    fastest = plan(problem, SHORTEST)
+    stopped = steadiest_plan(problem.joined, fastest, PlanningClock(0.0, None))
+    assert stopped.succeeded and stopped.stopped_by == "time_limit"
+    assert stopped.trajectory is fastest.trajectory
 
 
 @pytest.mark.parametrize("method", ["stop-at-corners", "suh-bishop", "branch-and-bound"])

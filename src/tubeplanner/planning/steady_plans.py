@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from tubeplanner.limits.held_speeds import (
 )
 from tubeplanner.limits.tube_membership import judged_segments
 from tubeplanner.optimizer.tube_phases import tube_chains
-from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus
+from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, until_stopped
 from tubeplanner.planning.options import REFINEMENT
 from tubeplanner.planning.refined_plan import continued_plan
 from tubeplanner.planning.result import PlanResult, certified_result
@@ -300,7 +300,8 @@ def steadiest_plan(
             floor[run.start : run.stop] *= raised * (1 - _ROUNDING)
         motion = result.motion
         assert motion is not None
-        raised_plan = continued_plan(with_floors(problem, floor, is_required=True), motion, clock)
+        higher = with_floors(problem, floor, is_required=True)
+        raised_plan, stopped_by = until_stopped(partial(continued_plan, higher, motion, clock))
         if raised_plan is not None and raised_plan.succeeded and raised_plan.trajectory is not None:
             below = factor
             answer = certified_result(problem, raised_plan.trajectory, REFINEMENT, clock)
@@ -311,8 +312,10 @@ def steadiest_plan(
                 break
         else:
             above = factor
-        if raised_plan is not None and raised_plan.stopped_by is not None:
-            return replace(result, stopped_by=raised_plan.stopped_by)
+        if raised_plan is not None:
+            stopped_by = raised_plan.stopped_by
+        if stopped_by is not None:
+            return replace(result, stopped_by=stopped_by)
         factor = (below + above) / 2
     return result
 

@@ -218,10 +218,10 @@ def explain(
     """Return the remedies of an impossible problem, or the headroom of a possible problem.
 
     The remedies of a problem that cannot be solved are single changes that make it possible: wider
-    tolerances, other joint signs, more effort, wider ranges of joints, a lighter payload, moved
-    obstacles, reference points, starts and goals, smaller clearances. Each is planned with and
-    narrowed down to 5 %. Of a problem that can be solved, single quantities are made worse until no
-    motion results any more.
+    tolerances, slower speed bands, other joint signs, more effort, wider ranges of joints, a
+    lighter payload, moved obstacles, reference points, starts and goals, smaller clearances. Each
+    is planned with and narrowed down to 5 %. Of a problem that can be solved, single quantities are
+    made worse until no motion results any more.
 
     Args:
         problem: A path, or `example:ROBOT/NAME` for a bundled problem.
