@@ -24,6 +24,7 @@ from tubeplanner.optimizer.region_constraints import (
     goal_keys,
 )
 from tubeplanner.optimizer.rows import EvaluatedSpeedLimit, StepSize
+from tubeplanner.optimizer.speed_floors import EvaluatedFloor, EvaluatedGates
 from tubeplanner.optimizer.spline_constraints import BLENDED, WIDELY_BLENDED
 from tubeplanner.optimizer.stages import SecondStage
 from tubeplanner.optimizer.starts import knot_grid
@@ -65,7 +66,10 @@ SPANS = {
     "rotation, the reference turning on": TURNING,
     "rotation, the reference stopped": STAYING[0],
 }
+# Floors of the tool's speed in the second segment, and in a given duration.
+FLOORS = {"floor": False, "floor in a given duration": True}
 KINDS = (*ALL_LIMITS, "velocity of the hull", *SPANS, "rotation at the goal", "links")
+KINDS = (*KINDS, *FLOORS, "gates")
 
 
 class Kinds:
@@ -85,12 +89,20 @@ class Kinds:
         points = self.samples
         if self.kind == "velocity of the hull":
             points = VelocityHull(len(spline.control_points))
-        if self.kind == "rotation at the goal":  # at a sample as good as any
-            points = points.where(np.array([4]))
+        if self.kind in ("rotation at the goal", "gates"):  # at samples as good as any
+            points = points.where(np.array([4, 9][: 1 + (self.kind == "gates")]))
         at = sampled(spline, points)
         path = PathSamples(
             self.problem, at.by_x, lambda: self.samples.phase, lambda: self.friction(at.by_x[1])
         )
+        if self.kind in FLOORS:
+            floor, number = np.array([np.inf, 0.4])[path.segment], np.arange(2)[path.segment]
+            return EvaluatedFloor(at, path, floor, 0.8, FLOORS[self.kind], number)
+        if self.kind == "gates":
+            first, middle, last = self.problem.tube.points
+            corners = [first, middle, middle + [0.0, 0.1, 0.2], last]
+            speeds = [None, {"between": [0.1, 0.2]}, None]
+            return EvaluatedGates(at, path, Tube(corners, 0.2, tool_speed=speeds))
         if self.kind in SPANS:
             own = (np.arange(2), path.segment, SPANS[self.kind])
             return EvaluatedRotation(self.problem.tube.rotation, at, path, 0.005, *own)

@@ -10,7 +10,13 @@ from tubeplanner.first_guess.branches import RedundancyRule, reference_branch
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.optimizer.descent import Descent, DescentState, SequentialProgram
 from tubeplanner.optimizer.phased_spline import PhasedSpline
-from tubeplanner.optimizer.starts import knot_grid, on_periodic_knots, starting_spline
+from tubeplanner.optimizer.starts import (
+    knot_grid,
+    on_periodic_knots,
+    slowed_beside_bands,
+    starting_spline,
+    with_turn_knots,
+)
 from tubeplanner.optimizer.step_search import TrustRegion
 from tubeplanner.outcome import Infeasible, PlanStatus
 
@@ -189,3 +195,48 @@ def test_it_is_nearly_the_same_motion_at_rest_at_both_ends(periods, apart):
     assert abs(regular.bspline()(x) - before.bspline()(x)).max() < apart
     np.testing.assert_array_equal(regular.control_points[[0, 1, 2]], before.control_points[[0] * 3])
     np.testing.assert_array_equal(regular.control_points[-3:], before.control_points[[-1] * 3])
+
+
+# ---- Knots of turns at a limited speed, and longer motions beside bands.
+
+BAND = {"between": [0.2, 0.25]}
+
+
+@pytest.fixture(scope="module")
+def bead(motion):
+    """A motion through the corners of a tube whose speed has a band between them."""
+    tube = replace(motion.problem.tube, tool_speed=[0.25] * 3, least_tool_speed=[None, 0.2, None])
+    return motion.problem.with_tube(tube), motion.spline
+
+
+def test_turns_at_a_limited_speed_get_knots_and_the_motion_stays(bead):
+    problem, spline = bead
+    finer = with_turn_knots(problem, spline, 20.0)
+    x = np.linspace(0, 1, 501)
+    np.testing.assert_allclose(finer.bspline()(x), spline.bspline()(x), atol=1e-6)
+    count = spline.grid.interval_count
+    assert finer.grid.usual_count == count < finer.grid.interval_count <= count + 3 * 16
+    knots = finer.grid.breakpoints(finer.switching_times)
+    for corner in spline.switching_times[1:-1]:
+        beside = np.diff(knots)[np.searchsorted(knots, corner) - 1 :][:2]
+        assert beside.max() < 0.5 * np.diff(spline.grid.breakpoints(spline.switching_times)).max()
+    free = problem.with_tube(replace(problem.tube, tool_speed=None, least_tool_speed=None))
+    assert with_turn_knots(free, spline, 20.0) is spline
+
+
+@pytest.mark.parametrize("longer", [1.2, 3.0])
+def test_a_longer_motion_is_slowed_beside_its_stretch(bead, longer):
+    problem, spline = bead
+    slowed = slowed_beside_bands(problem, spline, longer)
+    # The stretch takes as long as before, and both ends are at rest.
+    before, after = (np.diff(each.switching_times)[1] for each in (spline, slowed))
+    assert longer * after == pytest.approx(before, rel=1e-6)
+    np.testing.assert_array_equal(slowed.control_points[[0, -1]], spline.control_points[[0, -1]])
+    ends = spline.switching_times[1:3], slowed.switching_times[1:3]
+    u = np.linspace(0.05, 0.95, 50)
+    speeds = [
+        each.bspline().derivative()(begin + u * (end - begin)) / scale
+        for each, (begin, end), scale in zip((spline, slowed), ends, (1.0, longer), strict=True)
+    ]
+    np.testing.assert_allclose(*speeds, atol=2e-2 * abs(speeds[0]).max())
+    assert slowed_beside_bands(problem, spline, 0.9) is spline
