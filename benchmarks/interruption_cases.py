@@ -37,8 +37,14 @@ SCENE = """world:
       primitives: [{type: box, dimensions: [0.05, 0.05, 0.4]}]
       primitive_poses: [{position: [0.2, 0.4, 0.0]}]
 """
+BEAD = "G0 X0 Y0 Z0\nG1 X50 F3000\nG2 X100 Y50 R50\n"
 MOTION, TRAIL = "motion.json", "trail.csv"  # what commands read
-TEXTS = {"study.yaml": STUDY, "cycle.yaml": CYCLE, "scene.yaml": SCENE}  # likewise
+TEXTS = {
+    "study.yaml": STUDY,
+    "cycle.yaml": CYCLE,
+    "scene.yaml": SCENE,
+    "bead.gcode": BEAD,
+}  # likewise
 _EXECUTOR = "workers_of"  # of a command whose answers come from other processes
 
 
@@ -121,7 +127,11 @@ teach:
 import:
   - import {inputs}/scene.yaml --problem PROBLEM -o OUT/a.yaml
   - a.yaml
-  - cli.init:imported_problem
+  - cli.imports:imported_problem
+import beads:
+  - import {inputs}/bead.gcode --urdf example:ur5 --tool-frame tool0 --frame 0.4,0,0.2 -o OUT/a.yaml
+  - a.yaml
+  - cli.imports:bead_problem
 init: [init example:two_link -o OUT/a.yaml, a.yaml, cli.init:starter_problem]
 reproduce:
   - reproduce -o OUT/all

@@ -101,6 +101,7 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
 # By the name of the extra in pyproject.toml.
 REQUIREMENTS = {
     "dask": "distributed>=2024.1",
+    "dxf": "ezdxf>=1.3",
     "simulate": "mujoco>=3.2.7",
     "xacro": "xacro>=2.1",
 }

@@ -129,7 +129,7 @@ _OWN = [
     "view",
 ]
 _SHARED = {"links": "info", "plot": "view", "measure": "tubes", "route": "tubes", "teach": "tubes"}
-_SHARED |= {"import": "init"}
+_SHARED |= {"import": "imports"}
 _MODULES = {name: name for name in _OWN} | _SHARED
 
 

@@ -1,4 +1,4 @@
-"""New problem files: commented starter, problem of a recorded trail, of MoveIt's messages.
+"""New problem files: commented starter; problems of a trail, of MoveIt's messages, of beads.
 
 Lines that begin with `##` explain. Lines that begin with `# ` contain a field, which holds as soon
 as the `# ` is removed, alone or with all others.
@@ -16,18 +16,24 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError, TrajectoryError
 from tubeplanner.fields import check_fields
+from tubeplanner.first_guess.pose_configurations import pose_configurations
 from tubeplanner.orientation import quaternion_of_matrix
+from tubeplanner.outcome import Infeasible
 from tubeplanner.output.files.problem_file import (
     in_a_row,
     included_fields,
     new_fields,
     problem_contents,
+    put_parts,
     read_fields,
 )
 from tubeplanner.resources import find_description, find_problem, rebased
 from tubeplanner.robot.ros_files import read_srdf
 from tubeplanner.studies.tubes.starter_problem import StarterProblem
 from tubeplanner.studies.tubes.teach import joint_trail
+from tubeplanner.task.beads import BeadOptions, bead_fields
+from tubeplanner.task.drawings import Drawing
+from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.info import problem_doubts
 from tubeplanner.task.moveit_files import (
     goal_of_request,
@@ -447,3 +453,40 @@ def imported_contents(cell: Cell, notes: Sequence[str], target: Path) -> bytes:
     """Return the contents of the problem file of a completed cell, with notes as comments."""
     comments = [f"## note: {note}\n" for note in notes if target.suffix != ".json"]
     return "".join(comments).encode() + problem_contents(deepcopy(cell.fields), cell.folder, target)
+
+
+# ---- The problem of beads of a drawing.
+
+
+def bead_problem(
+    cell: Cell, drawing: Drawing, options: BeadOptions, name: str
+) -> tuple[PlanningProblem, list[str]]:
+    """Complete the fields of a cell by the tube and the start of a drawing; return their problem.
+
+    Notes name what of the drawing and the cell was not used, and a start that cannot be reached.
+    """
+    parts, notes = bead_fields(drawing, options)
+    tube, start = parts["tube"], parts["start"]
+    below = ProblemLayers.of(cell.fields, cell.folder, "the problem").below
+    for key, values in tube.items():
+        by_point = key in ("points", "orientations")  # a line each
+        tube[key] = [_in_rows(row) for row in values] if by_point else _in_rows(values)
+    if below.get("goal") is not None:
+        cell.fields["goal"] = None
+    put_parts(cell.fields, below, {"tube": tube, "start": {"pose": _in_rows(start["pose"])}})
+    problem = parse_problem(cell.fields, cell.folder, name)
+    notes += notes_on_dropped(cell.replaced, (), "tube and ends are the drawing's")
+    pose = problem.endpoints[0].pose
+    assert pose is not None
+    try:
+        pose_configurations(problem, pose, 0)
+    except Infeasible as reason:
+        notes.append(f"the robot does not reach the drawing where --frame puts it: {reason}")
+    return problem, notes
+
+
+def _in_rows(values: Any) -> Any:
+    """Return lists and maps, one in the other, that YAML writes on a single line."""
+    if isinstance(values, dict):
+        return in_a_row({key: _in_rows(value) for key, value in values.items()})
+    return in_a_row([_in_rows(v) for v in values]) if isinstance(values, list) else values

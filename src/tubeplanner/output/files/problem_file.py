@@ -105,13 +105,18 @@ def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProbl
         # A configuration of the file is kept as it is written.
         if not (isinstance(end_fields, dict) and end_fields.get("joints") is not None):
             changes[end] = in_a_row({"joints": in_a_row(q.tolist())})
-    for key, value in changes.items():
+    put_parts(fields, below, changes)
+    return problem_contents(fields, folder, target)
+
+
+def put_parts(fields: Any, below: Mapping[str, Any], parts: Mapping[str, Any]) -> None:
+    """Put a new tube, start or goal into a file's fields above those of lower layers."""
+    for key, value in parts.items():
         alone = _alone(value, below.get(key), TubeFields if key == "tube" else EndpointFields)
         if key in fields:
             fields[key] = alone
         else:
             _insert(fields, key, alone)
-    return problem_contents(fields, folder, target)
 
 
 def _alone(value: Any, below: Any, model: type[Section]) -> Any:
