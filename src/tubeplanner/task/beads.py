@@ -124,7 +124,7 @@ def bead_fields(drawing: Drawing, options: BeadOptions) -> tuple[dict[str, Any],
     drawing has one.
     """
     begin, segments = _lifted(drawing.ways, options)
-    segments, notes = _with_ramps(begin.end, segments, options)
+    segments, notes = _with_ramps(begin.end, segments)
     rows = [begin, *segments]
     points = np.array([row.end for row in rows])
     turn, shift = options.frame[:3, :3], options.frame[:3, 3]
@@ -191,33 +191,42 @@ def _lifted(ways: Sequence[Way], options: BeadOptions) -> tuple[_Segment, list[_
 
 
 def _with_ramps(
-    begin: FloatArray, segments: Sequence[_Segment], options: BeadOptions
+    begin: FloatArray, segments: Sequence[_Segment]
 ) -> tuple[list[_Segment], list[str]]:
-    """Return segments whose bands have a speed in common with those beside, and a note."""
+    """Return segments whose speeds have one in common with those of the next, and a note.
+
+    Where they have none, a part of one segment, beside the other, has the speeds of both. A plunge
+    gives this part, or else the later segment.
+    """
     result: list[_Segment] = []
     ramps = 0
     for row in segments:
-        before = result[-1] if result else None
-        low, high = (before.least, before.largest) if before else (None, None)
-        if None in (low, high, row.least, row.largest) or not before:
-            result.append(row)
+        result.append(row)
+        if len(result) < 2:
             continue
-        assert low and high and row.least and row.largest
-        if max(low, row.least) <= min(high, row.largest):
-            result.append(row)
+        before, here = result[-2], result[-2:]
+        low, high = max(each.least or 0.0 for each in here), [each.largest for each in here]
+        if None in high or low <= (least_high := min(each or 0.0 for each in high)):
             continue
         ramps += 1
-        way = row.end - before.end
+        is_before = before.least is None
+        given = before if is_before else row
+        both = given._replace(largest=max(each or 0.0 for each in high))
+        if given.least is not None and before.least is not None and row.least is not None:
+            both = both._replace(least=min(before.least, row.least))
+        start = (result[-3].end if len(result) > 2 else begin) if is_before else before.end
+        way = given.end - start
         length = float(np.linalg.norm(way))
-        ramp = max(abs(row.largest**2 - high**2) / (2 * _RAMP), options.radius)
-        both = row._replace(least=min(low, row.least), largest=max(high, row.largest))
-        if 2 * ramp < length:
-            result.append(both._replace(end=before.end + ramp / length * way))
-            both = row
-        result.append(both)
+        ramp = (max(each or 0.0 for each in high) ** 2 - least_high**2) / (2 * _RAMP)
+        parts = [both]
+        if 2 * ramp < length and is_before:
+            parts = [given._replace(end=given.end - ramp / length * way), both]
+        elif 2 * ramp < length:
+            parts = [both._replace(end=start + ramp / length * way), given]
+        result[-2:] = [*parts, row] if is_before else [before, *parts]
     note = (
-        f"the speed of beads changes at {ramps} points; after each a segment has both speeds in "
-        f"its band, for a change at {_RAMP:g} m/s^2"
+        f"speeds change at {ramps} points, beside each of which a segment has the speeds of both: "
+        f"long enough for a change at {_RAMP:g} m/s^2"
     )
     return result, [note] * bool(ramps)
 
