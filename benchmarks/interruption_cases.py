@@ -128,7 +128,7 @@ import:
   - import {inputs}/scene.yaml --problem PROBLEM -o OUT/a.yaml
   - a.yaml
   - cli.imports:imported_problem
-import beads:
+import nc:
   - import {inputs}/bead.gcode --urdf example:ur5 --tool-frame tool0 --frame 0.4,0,0.2 -o OUT/a.yaml
   - a.yaml
   - cli.imports:bead_problem

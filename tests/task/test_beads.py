@@ -110,6 +110,7 @@ def mixed(document):
     space.add_arc((50, 20), 10, 0, 90)  # from the end of the polyline
     space.add_lwpolyline([(0, 0), (60, 20)])
     space.add_text("part 1")
+    document.layouts.get("Layout1").add_line((0, 0), (1, 0))
     document.layers.add("second")
     space.add_circle((0, 0), 30, dxfattribs={"layer": "second"})
 
@@ -125,7 +126,7 @@ def test_entities_that_meet_become_one_bead(tmp_path):
     assert sides.min() >= 0.03 - 1e-4
     only = read_drawing(path, BeadOptions(speed=0.1), ("second",))
     assert [way.speed for way in only.ways] == [0.1]
-    assert "entities that are not used: 3 of layer 0" in only.notes[0]
+    assert "entities that are not used: 3 on layer 0, 1 on sheets (paper space)" in only.notes[0]
 
 
 def test_bulges_keep_the_direction_of_their_polyline(tmp_path):

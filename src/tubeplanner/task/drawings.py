@@ -97,13 +97,16 @@ def read_dxf(
     for entity in entities:
         kind, layer = entity.dxftype(), entity.dxf.layer
         if layer not in kept:
-            unused[f"layer {layer}"] += 1
+            unused[f"on layer {layer}"] += 1
         elif kind in _KINDS and not _is_mesh(entity):
             pieces.append(scale * _chords(entity, sagitta / scale))
         else:
             unused[kind] += 1
+    sheets = [each for layout in document.layouts if not layout.is_modelspace for each in layout]
+    unused["on sheets (paper space)"] = sum(each.dxftype() != "VIEWPORT" for each in sheets)
+    unused = +unused
     if unused:
-        counted = ", ".join(f"{count} of {what}" for what, count in unused.items())
+        counted = ", ".join(f"{count} {what}" for what, count in unused.items())
         notes.append(f"{path}: entities that are not used: {counted}")
     if not pieces:
         raise ProblemError(
