@@ -100,7 +100,7 @@ class Kinds:
             return EvaluatedFloor(at, path, floor, 0.8, FLOORS[self.kind], number)
         if self.kind == "gates":
             first, middle, last = self.problem.tube.points
-            corners = [first, middle, middle + [0.0, 0.1, 0.2], last]
+            corners = [first, middle, middle + np.array([0.0, 0.1, 0.2]), last]
             speeds = [None, {"between": [0.1, 0.2]}, None]
             return EvaluatedGates(at, path, Tube(corners, 0.2, tool_speed=speeds))
         if self.kind in SPANS:

@@ -1,6 +1,6 @@
 """Conditions on the tool: tube, points, orientation, speed, acceleration; speeds of link points."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,14 +52,14 @@ def judge_tube(motion: JudgedMotion) -> JudgedCondition:
     least = least_margin(motion.tube, motion.tool, motion.visits)
     location = motion.location_in_segment(least.segment, least.time)
     judged = [bracketed(least.lower_bound, least.attained, "m", location)]
-    error = float(motion.tool.error.max())
+    error, banded = float(motion.tool.error.max()), np.isfinite(_floors(motion.problem))
     for gate in motion.tube.gates:
         (time,) = (visit.begin for visit in motion.visits if visit.segment == gate.point)
         beyond = float(gate.margin(motion.tube, motion.tool.at(np.array([time])))[0]) - error
         where = Location(time=time, point=int(motion.tube.numbers[gate.point]))
-        coverage = "at the end of a stretch at constant speed, inside it"
+        side = "begin" if banded[gate.point] else "end"
+        coverage = f"outside the {side} of a stretch at constant speed, where the tool passes on"
         judged.append(JudgedCondition(beyond, "m", where, coverage))
-    # A stretch that is entered late is told where nothing else of the tube is broken more.
     return min(judged, key=lambda condition: condition.margin or 0.0)
 
 
@@ -297,7 +297,8 @@ def judge_least_speed(motion: JudgedMotion) -> JudgedCondition | None:
 
     least = least_concave_margin(velocity, visits, along, 1 / floor, speed)
     location = motion.location_in_segment(least.segment, least.time)
-    return bracketed(least.lower_bound, least.attained, RELATIVE, location)
+    judged = bracketed(least.lower_bound, least.attained, RELATIVE, location)
+    return replace(judged, coverage=f"{judged.coverage}: above the band's lower end")
 
 
 def _floors(problem: PlanningProblem) -> FloatArray:

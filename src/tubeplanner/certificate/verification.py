@@ -92,11 +92,11 @@ _SPEED_LIMITS = (
 )
 _AT_STOP = "with and without what is taken or let go"
 # Conditions that a bound on braking presupposes.
-# The least speed that counts, as a fraction of a band's floor.
-_STANDING = 1e-9
 _BRAKING_CONDITIONS = frozenset(
     ("velocity", "acceleration", "effort", "motor_curve", "rest", "continuity")
 )
+# The least speed that counts, as a fraction of a band's floor.
+_STANDING = 1e-9
 
 
 @dataclass(frozen=True)
