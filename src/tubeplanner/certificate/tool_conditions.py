@@ -55,7 +55,7 @@ def judge_tube(motion: JudgedMotion) -> JudgedCondition:
     error, banded = float(motion.tool.error.max()), np.isfinite(_floors(motion.problem))
     for gate in motion.tube.gates:
         (time,) = (visit.begin for visit in motion.visits if visit.segment == gate.point)
-        beyond = float(gate.margin(motion.tube, motion.tool.at(np.array([time])))[0]) - error
+        beyond = float(gate.margin(motion.tool.at(np.array([time])))[0]) - error
         where = Location(time=time, point=int(motion.tube.numbers[gate.point]))
         side = "begin" if banded[gate.point] else "end"
         coverage = f"outside the {side} of a stretch at constant speed, where the tool passes on"

@@ -369,7 +369,7 @@ class _Fit:
     def gate_margins(self, time: FloatArray) -> dict[int, FloatArray]:
         """Return the margins of the tool beyond each gate at times (N,), (N,) [m], by its point."""
         gates = self._tube.gates if self._has_gates else ()
-        return {gate.point: gate.margin(self._tube, self._tool.at(time)) for gate in gates}
+        return {gate.point: gate.margin(self._tool.at(time)) for gate in gates}
 
     def best_passage(self, k: int, time: FloatArray) -> Passage:
         """Return the nearest passage of a compulsory point, at or between times (N,) [s]."""
@@ -417,7 +417,7 @@ class _Fit:
             least = np.minimum(before, after)
             for gate in self._tube.gates if self._has_gates else ():
                 here = pairs[1] == gate.point
-                beyond = gate.margin(self._tube, self._tool.at(time[here])) - self.levels[0]
+                beyond = gate.margin(self._tool.at(time[here])) - self.levels[0]
                 least[here] = np.minimum(least[here], beyond)
             return least
 

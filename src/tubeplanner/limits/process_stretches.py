@@ -14,7 +14,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.tube_visits import Visit
 from tubeplanner.certificate.verification import judged_visits
-from tubeplanner.geometry.tube.bands import BEST, event_length
+from tubeplanner.geometry.tube.bands import BEST
 from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.task.motion import MotionSection
@@ -174,7 +174,7 @@ def _events(section: MotionSection) -> Iterator[Mark]:
     visits, lengths, whole = _visits(section), arc_lengths(joined.points), joined.parts or joined
     motion = section.trajectory.reordered(problem.robot.joint_names)
     for event in whole.events:
-        length = event_length(whole, event)
+        length = whole.event_length(event)
         k = int(np.clip(np.searchsorted(lengths, length, "right") - 1, 0, len(lengths) - 2))
         along = joined.points[k + 1] - joined.points[k]
         place = joined.points[k] + (length - lengths[k]) * along / np.linalg.norm(along)

@@ -141,6 +141,6 @@ class EvaluatedGates:
     def _slack(self) -> FloatArray:
         tool = self.path.tool_pose[1]
         pairs = enumerate(self.tube.gates)
-        beyond = np.array([gate.margin(self.tube, tool[k : k + 1])[0] for k, gate in pairs])
+        beyond = np.array([gate.margin(tool[k : k + 1])[0] for k, gate in pairs])
         slack: FloatArray = beyond / self._radius - INNER_MARGIN
         return slack

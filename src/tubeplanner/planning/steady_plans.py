@@ -100,7 +100,7 @@ class StretchSpeeds:
         inside: BoolArray = is_banded[self.segment]
         for gate in gates(tube.points, tube.stretches):
             own = gate.point if is_banded[gate.point] else gate.point - 1
-            inside &= (self.segment != own) | (gate.margin(tube, self.tool) <= 0)
+            inside &= (self.segment != own) | (gate.margin(self.tool) <= 0)
         return inside
 
     @cached_property

@@ -22,8 +22,8 @@ def test_bands_are_largest_and_least_speeds_of_one_stretch():
     assert (begin.point, end.point) == (1, 3)
     # Outside the stretch is behind its begin and beyond its end.
     tool = np.array([[-0.01, 0, 0.05], [0.2, 0.23, 0]])
-    np.testing.assert_allclose(begin.margin(tube, tool), [0.01, -0.2], atol=1e-12)
-    np.testing.assert_allclose(end.margin(tube, tool), [-0.2, 0.03], atol=1e-12)
+    np.testing.assert_allclose(begin.margin(tool), [0.01, -0.2], atol=1e-12)
+    np.testing.assert_allclose(end.margin(tool), [-0.2, 0.03], atol=1e-12)
     assert Tube(POINTS, 0.001, tool_speed=SPEEDS, process={"steady": "best"}).gates == ()
     assert Tube(POINTS, 0.001, tool_speed=0.25).least_tool_speed is None
 

@@ -7,7 +7,7 @@ the plane through its last point: at both ends it is in the stretch's own region
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -15,11 +15,8 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import WHOLE_NUMBER, are_numbers, is_number
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.fields import Finite, declaration, declared
-from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS, arc_lengths, segment_values
+from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS, segment_values
 from tubeplanner.text import require_name
-
-if TYPE_CHECKING:
-    from tubeplanner.geometry.tube.tube import Tube
 
 REQUIRED, BEST = STEADY = ("required", "best")
 _MAX_RUN = 10.0  # [m]
@@ -146,11 +143,12 @@ class Gate(NamedTuple):
     """The end of a stretch, where the tool passes from one segment to the next."""
 
     point: int  # index of the reference point at the end
+    position: FloatArray  # of that point, shape (3,) [m]
     normal: FloatArray  # unit vector out of the stretch, along it, shape (3,)
 
-    def margin(self, tube: "Tube", p: FloatArray) -> FloatArray:
-        """Return how far tool positions (N, 3) are outside the stretch, shape (N,) [m]."""
-        margin: FloatArray = (p - tube.points[self.point]) @ self.normal
+    def margin(self, p: FloatArray) -> FloatArray:
+        """Return the distances of tool positions (N, 3) outside the stretch, shape (N,) [m]."""
+        margin: FloatArray = (p - self.position) @ self.normal
         return margin
 
 
@@ -292,61 +290,35 @@ def gates(points: FloatArray, each: Iterable[Stretch]) -> tuple[Gate, ...]:
         ):
             if 0 < point < last:
                 along = points[segment + 1] - points[segment]
-                ends.append(Gate(point, sign * along / np.linalg.norm(along)))
+                ends.append(Gate(point, points[point], sign * along / np.linalg.norm(along)))
     return tuple(ends)
 
 
-def event_length(tube: "Tube", event: TubeEvent) -> float:
-    """Return the length of the reference path of a tube up to an event [m].
-
-    Raises:
-        ProblemError: The tube has no such segment, or ends before the distance.
-    """
-    if event.segment >= tube.numbers[-1]:
-        raise ProblemError(
-            f"tube.events: event '{event.name}': there is no segment {event.segment}; the last one "
-            f"is segment {tube.numbers[-1] - 1}"
-        )
-    # A run-in or a run-out has the same number at both ends, the stretch on one side.
-    number = tube.numbers[tube.numbers <= event.segment][-1]
-    points = np.flatnonzero(tube.numbers == number)
-    is_banded = tube.least_tool_speed is not None and np.isfinite(tube.least_tool_speed[points[-1]])
-    lengths = arc_lengths(tube.points)
-    length = float(lengths[points[-1] if is_banded else points[0]] + event.distance)
-    if length > lengths[-1] * (1 + 1e-9):
-        raise ProblemError(
-            f"tube.events: event '{event.name}' is {event.distance:g} m from the begin of segment "
-            f"{event.segment}, and the reference path ends after "
-            f"{lengths[-1] - length + event.distance:g} m; give a shorter distance"
-        )
-    return length
-
-
-def run_ins(tube: "Tube") -> list[RunIn]:
-    """Return the run-ins and run-outs of a tube's stretches, in order.
+def run_ins(points: FloatArray, each: Iterable[Stretch], process: Process) -> list[RunIn]:
+    """Return the run-ins and run-outs of stretches along points (m+1, 3), in order.
 
     Raises:
         ProblemError: A stretch has no segment beside it, or one on its line that is too short.
     """
     added = []
-    for first, last in tube.stretches:
+    for first, last in each:
         ends = (("run_in", first, first, first - 1), ("run_out", last + 1, last, last + 1))
         for name, point, own, beside in ends:
-            if not (length := getattr(tube.process, name)):
+            if not (length := getattr(process, name)):
                 continue
-            if not 0 <= beside < tube.segment_count:
+            if not 0 <= beside < len(points) - 1:
                 raise ProblemError(
                     f"tube.process.{name}: segment {own} is at an end of the tube; give it a "
                     "neighbour, in which the tool may be at rest"
                 )
             sign = -1.0 if name == "run_in" else 1.0
-            along = sign * (tube.points[own + 1] - tube.points[own])
-            way = sign * (tube.points[beside + 1] - tube.points[beside])
+            along = sign * (points[own + 1] - points[own])
+            way = sign * (points[beside + 1] - points[beside])
             direction, size = along / np.linalg.norm(along), float(np.linalg.norm(way))
             if way @ direction > _ON_LINE * size and size <= length:
                 raise ProblemError(
                     f"tube.process.{name} is {length:g} m, but segment {beside} beside the stretch "
                     f"is {size:g} m long; give a shorter {name} or a longer segment"
                 )
-            added.append(RunIn(point, tube.points[point] + length * direction, own, beside))
+            added.append(RunIn(point, points[point] + length * direction, own, beside))
     return added

@@ -22,7 +22,6 @@ from tubeplanner.geometry.tube.bands import (
     Process,
     Stretch,
     TubeEvent,
-    event_length,
     events_of,
     gates,
     has_bands,
@@ -38,6 +37,7 @@ from tubeplanner.geometry.tube.points import (
     SEGMENT_NUMBERS,
     JointRange,
     JointSign,
+    arc_lengths,
     compulsory_points,
     distinct_points,
     given_points,
@@ -246,11 +246,14 @@ class Tube:
                 "visited in order"
             )
         for event in self.events:
-            event_length(self, event)
+            self.event_length(event)
 
     def _lay_run_ins(self) -> None:
         """Add the segments of run-ins and run-outs, with a note."""
-        done, added = replace(self.process, run_in=0.0, run_out=0.0), run_ins(self)
+        done, added = (
+            replace(self.process, run_in=0.0, run_out=0.0),
+            run_ins(self.points, self.stretches, self.process),
+        )
         # Of every point of the longer tube: its position, its number, the point whose orientation
         # it has; of the segment before it, the segments whose region and whose conditions it has.
         rows = [(self.points[0], self.numbers[0], 0, 0, 0)]
@@ -437,6 +440,33 @@ class Tube:
     def segment_index(self, number: int) -> int:
         """Return the index of the segment with a number in messages."""
         return int(np.searchsorted(self.numbers[1:], number + 1))
+
+    def event_length(self, event: TubeEvent) -> float:
+        """Return the length of the reference path up to an event [m].
+
+        Raises:
+            ProblemError: The tube has no such segment, or ends before the distance.
+        """
+        if event.segment >= self.numbers[-1]:
+            raise ProblemError(
+                f"tube.events: event '{event.name}': there is no segment {event.segment}; the "
+                f"last one is segment {self.numbers[-1] - 1}"
+            )
+        # A run-in or a run-out has the same number at both ends, the stretch on one side.
+        number = self.numbers[self.numbers <= event.segment][-1]
+        points = np.flatnonzero(self.numbers == number)
+        is_banded = self.least_tool_speed is not None and np.isfinite(
+            self.least_tool_speed[points[-1]]
+        )
+        lengths = arc_lengths(self.points)
+        length = float(lengths[points[-1] if is_banded else points[0]] + event.distance)
+        if length > lengths[-1] * (1 + 1e-9):
+            raise ProblemError(
+                f"tube.events: event '{event.name}' is {event.distance:g} m from the begin of "
+                f"segment {event.segment}, and the reference path ends after "
+                f"{lengths[-1] - length + event.distance:g} m; give a shorter distance"
+            )
+        return length
 
     def distance(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
         """Return distances of points (N, 3) to some segments (of m, all), shape (N, m) [m]."""
