@@ -54,7 +54,7 @@ def _imported_first(folder: str) -> list[str]:
 @cache
 def _import_graph() -> ImportGraph:
     """Return the graph of imports of the package."""
-    return build_graph("tubeplanner", cache_dir=None)
+    return build_graph("tubeplanner", cache_dir=None, exclude_type_checking_imports=True)
 
 
 def _modules(folder: str, name: str) -> list[str]:

@@ -18,7 +18,7 @@ from tubeplanner.studies.comparison import Comparison
 from tubeplanner.studies.comparison import compare as compare_methods
 from tubeplanner.writing import require_writable
 
-_MEASURED = ("planned in", "smooth", "peak jerk", "at a limit", "tube used")
+_MEASURED = ("planned in", "smooth", "peak jerk", "at a limit", "tube used", "in band")
 _MANY = 999.5  # [%]: from here on three digits would be a power of ten
 
 
@@ -92,13 +92,14 @@ def comparison_text(result: Comparison) -> str:
 
     In a narrow terminal the last measures are left out.
     """
-    for count in range(len(_MEASURED), -1, -1):
+    most = len(_MEASURED) - (not result.problem.tube.stretches)
+    for count in range(most, -1, -1):
         table = _table(result, count)
         if fits(table):
             break
     lines = rendered(table).splitlines()
-    if count < len(_MEASURED):
-        names = ", ".join(_MEASURED[count:])
+    if count < most:
+        names = ", ".join(_MEASURED[count:most])
         lines.append(f"left out, the terminal being narrow: {names}; -o TABLE.csv has all")
     durations = [row.duration for row in result.rows if row.certified and row.duration is not None]
     if least := result.bound.beside(min(durations, default=0.0)):
@@ -131,6 +132,7 @@ def _table(result: Comparison, count: int) -> Table:
             jerk = "unbounded" if own.peak_jerk is None else f"{own.peak_jerk:.2g}"
             fractions = (f"{100 * value:.0f} %" for value in (own.at_limit, own.tube_use))
             cells += [own.smoothness, jerk, *fractions]
+            cells += [] if own.in_band is None else [f"{100 * own.in_band:.1f} %"]
         table.add_row(row.method, duration, verdict, *cells[:count])
     return table
 

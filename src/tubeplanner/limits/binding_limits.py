@@ -21,6 +21,7 @@ from tubeplanner.trajectory.parts import monotone_intervals
 # ---- The use of each limit along a trajectory, at samples on both sides of its breakpoints.
 
 POSITION, TUBE, ROTATION = "position", "tube", "rotation"
+LEAST_SPEED = "least_tool_speed"
 _SAMPLES, _MIN_PER_PIECE = 800, 4
 
 
@@ -57,8 +58,9 @@ def limit_uses(
     """Return the used fractions of all limits along a trajectory.
 
     Of a position, the distance from the middle of the range that the segment allows; of the tube,
-    `tube_use`; of the rotation tolerance, the largest of its bounds'; of limits on the speed, as
-    `speed_limits` has them: a new kind of limit needs no line here.
+    `tube_use`; of the rotation tolerance, the largest of its bounds'; of the lower end of a band of
+    tool speeds, how far down the band the speed is; of limits on the speed, as `speed_limits` has
+    them: a new kind of limit needs no line here.
 
     Args:
         problem: The planning problem.
@@ -87,6 +89,14 @@ def limit_uses(
         bounds = problem.tube.rotation.bounds[segment]
         fraction = (np.hstack([abs(error), angle]) / bounds).max(axis=1)
         uses.append(LimitUse(ROTATION, "tool", fraction))
+    least, most = problem.tube.least_tool_speed, problem.tube.tool_speed
+    if least is not None and most is not None:
+        depth = np.zeros(len(segment))
+        banded = np.flatnonzero(np.isfinite(least[segment]))
+        low, high = least[segment[banded]], most[segment[banded]]
+        speed = np.linalg.norm(at.tool_rate[0][banded], axis=1)
+        depth[banded] = np.maximum((high - speed) / (high - low), 0.0)
+        uses.append(LimitUse(LEAST_SPEED, "tool", depth))
     for limit in speed_limits(problem):
         uses += _uses_of(limit, at)
     uses.sort(key=lambda use: (use.joint is None, use.joint or 0, use.point is not None))

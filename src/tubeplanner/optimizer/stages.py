@@ -387,13 +387,13 @@ class Sensitivity:
 
     Attributes:
         limit: "effort" and "effort_rate" (both directions together), "velocity", "acceleration",
-            "jerk", "velocity_by_position", "tool_speed", "tool_acceleration", "point_speed",
-            "radius", "rotation", "width" or "height" of a box, "tolerance" or "rotation_tolerance"
-            of the goal, or "holding".
+            "jerk", "velocity_by_position", "tool_speed", "least_tool_speed" (the lower end of a
+            band), "tool_acceleration", "point_speed", "radius", "rotation", "width" or "height" of
+            a box, "tolerance" or "rotation_tolerance" of the goal, or "holding".
         joint: Name of the joint; None for a limit of a segment, a point or the goal.
         segment: Number of the segment, or of the first of joined ones; None for others.
         elasticity: d ln T / d ln limit: the relative change of the duration per relative rise of
-            the limit. At most 0, but for the mass of a held part.
+            the limit. At most 0, but for the mass of a held part and the lower end of a band.
         saved: Duration that 10 % more would save [s], to first order.
         last_segment: Number of the last of joined segments; None for others.
         link: Link of the point; None for others.

@@ -34,6 +34,7 @@ HOLDING_COLOR = "#7A4FA3"
 ARM_COLOR, GRIPPER_COLOR = "#AEB8C2", "#6D7C8C"
 SWEPT_COLOR = "#7A6FAF"
 REFERENCE_COLOR = "#444444"
+PROCESS_COLOR, MARK_COLOR = "#8E44AD", "#333333"
 EXECUTED_COLOR, WARNING_COLOR = "#0072B2", "#D55E00"
 # Motors dark, speeds lighter, position and path in yellow and greys; told apart by hatches too.
 BINDING_STYLES = {
@@ -45,6 +46,7 @@ BINDING_STYLES = {
     "acceleration": BindingStyle("#009E73", "\\\\\\\\", "white"),
     "jerk": BindingStyle("#CC79A7", "xxxx", "black"),
     "tool_speed": BindingStyle("#003F66", "oooo", "white"),
+    "least_tool_speed": BindingStyle("#5B3A8C", "oooo", "white"),
     "tool_acceleration": BindingStyle("#00694F", "oooo", "white"),
     "point_speed": BindingStyle("#8FC7EE", "oooo", "black"),
     "holding": BindingStyle(HOLDING_COLOR, "----", "white"),

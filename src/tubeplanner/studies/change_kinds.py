@@ -136,16 +136,34 @@ def band_changes(question: Question) -> Iterator[Change]:
     before = _plain(document.get("tool_speed"))
     if not has_bands(before):
         return
+    entries = before if isinstance(before, list) else [before]
 
     def slower(size: float) -> Proposal:
         factor = exact(1 - size)
-        entries = before if isinstance(before, list) else [before]
         after = [_scaled_band(each, factor) for each in entries]
         value = after if isinstance(before, list) else after[0]
         brief = f"times {figures(factor)}"
         return Proposal({"tube.tool_speed": value}, value, f"bands of tool_speed {brief}", brief)
 
+    least = min(_ends_of(each)[0] for each in entries if isinstance(each, Mapping))
+
+    def wider_band(size: float) -> Proposal:
+        end = exact(least - size)
+        after = [
+            {"between": [min(end, _ends_of(each)[0]), _ends_of(each)[1]]}
+            if isinstance(each, Mapping)
+            else each
+            for each in entries
+        ]
+        value = after if isinstance(before, list) else after[0]
+        brief = figures(end, "m/s")
+        return Proposal(
+            {"tube.tool_speed": value}, value, f"bands of tool_speed from {brief}", brief
+        )
+
     yield Change("band", "tube.tool_speed", before, "", 1.0, _MAX_SLOWER, slower, is_loss=True)
+    most = _MAX_SLOWER * least
+    yield Change("band", "tube.tool_speed", before, "m/s", least, most, wider_band, is_loss=True)
     process = document.get("process") or {}
     if process.get("steady", REQUIRED) == REQUIRED:
         path = "tube.process.steady"
@@ -165,6 +183,13 @@ def band_changes(question: Question) -> Iterator[Change]:
             number = (path, min(own), "m", 1, f"segments {point - 1} and {point}: radius")
             about = frozenset({f"point {point}"})
             yield Change.of_number("bend", *number, changes=partial(wider, point), about=about)
+
+
+def _ends_of(band: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the lower and the upper end of a band [m/s]."""
+    if band.get("between") is not None:
+        return band["between"][0], band["between"][1]
+    return exact(band["speed"] * (1 - band["tolerance"])), band["speed"]
 
 
 def _scaled_band(entry: Any, factor: float) -> Any:

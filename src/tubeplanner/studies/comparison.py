@@ -16,12 +16,14 @@ from tubeplanner.errors import OptionError, TubePlannerError, unknown_name
 from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
 from tubeplanner.limits.lower_bound import LowerBound, lower_bound
 from tubeplanner.limits.path_samples import PathSamples
+from tubeplanner.limits.process_stretches import stretch_runs
 from tubeplanner.limits.speed_limits import largest_use, speed_limits
 from tubeplanner.limits.tube_membership import current_segments, tube_use
 from tubeplanner.outcome import Infeasible, PlanStatus, StoppedBy
 from tubeplanner.planning.options import METHODS, PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies.rows import RowRun, RowTable, Variant, columns, finished_plan, rows_csv
+from tubeplanner.task.motion import MotionSection
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -49,6 +51,8 @@ class TrajectoryMeasures:
             joint's effort, velocity or acceleration, is used by 99 % or more.
         tube_use: Distance of the tool from the axis of its segment over that segment's radius,
             averaged over time.
+        in_band: Share of the length of all stretches with a speed band in which the tool's speed
+            is in its band; None without a band.
     """
 
     smoothness: str
@@ -56,6 +60,7 @@ class TrajectoryMeasures:
     peak_jerk_joint: str | None
     at_limit: float
     tube_use: float
+    in_band: float | None = None
 
     __repr__ = short_repr
 
@@ -90,12 +95,16 @@ def trajectory_measures(
     values = np.stack([samples.position, samples.velocity, samples.acceleration])
     path = PathSamples(problem, values, lambda: segment)
     limits = tuple(limit for limit in speed_limits(problem) if limit.order < 3)  # all but jerk
+    runs = stretch_runs([MotionSection(problem, trajectory)])
+    lengths = [run.length for run in runs]
+    inside = sum(run.in_band * run.length for run in runs)
     return TrajectoryMeasures(
         smoothness,
         peak,
         joint,
         float((largest_use(path, limits) >= AT_LIMIT).mean()),
         float(tube_use(problem, tool, segment).mean()),
+        inside / sum(lengths) if runs and sum(lengths) > 0 else None,
     )
 
 

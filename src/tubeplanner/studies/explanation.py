@@ -58,7 +58,7 @@ _LEFT_OUT = (
     (),
     ("joint_signs",),
     ("orientations", "rotation_tolerance"),
-    ("tool_radius", "tool_speed", "tool_acceleration", "pass_through_points"),
+    ("tool_radius", "tool_speed", "process", "events", "tool_acceleration", "pass_through_points"),
 )
 
 
@@ -336,7 +336,6 @@ _KINDS = (
     ("tube.joint_signs.", "", "sign of", "signs of joints", "any other"),
     ("tube.pass_through_points", "", "pass_through_points", "", "none"),
     ("tube.tool_speed", "", "tube.tool_speed", "", "up to eleven times, bands down to a tenth"),
-    ("tube.process.steady", "", "process.steady", "", "best"),
     ("robot.limits.effort.", "", "effort of", "effort of joints", "up to eleven times"),
     (
         *("robot.limits.position.", "", "position limits of", "position limits of joints"),

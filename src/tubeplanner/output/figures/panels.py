@@ -8,6 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.binding_limits import OBSTACLES, SELF_COLLISION, Span
+from tubeplanner.limits.process_stretches import StretchRun
 from tubeplanner.limits.rates import RATES, VelocityByPositionLimit
 from tubeplanner.output.curves import (
     MAX_LABELS,
@@ -19,12 +20,15 @@ from tubeplanner.output.curves import (
 from tubeplanner.output.drawing import (
     BINDING_STYLES,
     LINE_COLORS,
+    MARK_COLOR,
     OTHER_BINDING,
+    PROCESS_COLOR,
     REFERENCE_COLOR,
     segment_color,
 )
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.parts import EVENT, Mark
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -155,9 +159,13 @@ def draw_factor(axis: "Axes", curves: TrajectoryCurves, label: str, number: int)
 
 
 def draw_speed(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw the speed of the tool, and its limit where there is a limit."""
+    """Draw the speed of the tool, its limit where there is a limit, and the band of stretches."""
     axis.plot(curves.samples.time, curves.speed, **_MAIN)
-    limit = curves.speed_limit
+    limit, least = curves.speed_limit, curves.problem.tube.least_tool_speed
+    if least is not None:
+        low = least[curves.segment]
+        band: dict[str, Any] = {"color": PROCESS_COLOR, "alpha": 0.4, "linewidth": 0}
+        axis.fill_between(curves.samples.time, low, limit, where=np.isfinite(low), **band)
     near = limit[np.isfinite(limit) & (limit < 2 * curves.speed.max())]
     axis.plot(curves.samples.time, np.where(np.isin(limit, near), limit, np.nan), **LIMIT)
     # At rest there is no speed that would set the scale.
@@ -244,6 +252,34 @@ def mark_segments(
     axis.set_xlim(0.0, last)
     axis.set_xlabel("time [s]")
     axis.grid(alpha=0.25)
+
+
+def mark_process(
+    axis: "Axes", runs: Sequence[StretchRun], marks: Sequence[Mark], *, names: bool = False
+) -> None:
+    """Shade a panel over time along stretches of constant speed, and draw marks on the way.
+
+    Args:
+        axis: The panel.
+        runs: The stretches.
+        marks: Of stretches and events on the way, in the order of time.
+        names: True to name the marks, each beside its line.
+    """
+    for run in runs:
+        axis.axvspan(run.on, run.off, color=PROCESS_COLOR, alpha=0.10, linewidth=0, zorder=0)
+    for mark in marks:
+        axis.axvline(mark.time, color=MARK_COLOR, linewidth=0.6)
+        if names:
+            axis.annotate(
+                mark.name if mark.kind == EVENT else mark.kind.replace("_", " "),
+                (mark.time, 0.97),
+                (2, 0),
+                xycoords=axis.get_xaxis_transform(),
+                textcoords="offset points",
+                rotation=90,
+                fontsize=7,
+                va="top",
+            )
 
 
 def _label(curves: TrajectoryCurves, group: int, fraction: float) -> str:

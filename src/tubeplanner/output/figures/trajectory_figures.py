@@ -10,6 +10,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.limits.lower_bound import lower_bound
+from tubeplanner.limits.process_stretches import passed_marks, stretch_runs
 from tubeplanner.output.curves import (
     Timeline,
     TrajectoryCurves,
@@ -25,6 +26,7 @@ from tubeplanner.output.figures.panels import (
     draw_motors,
     draw_speed,
     draw_strip,
+    mark_process,
     mark_segments,
     motor_joints,
     time_panels,
@@ -53,7 +55,8 @@ def plot_trajectory(
     First a strip with a row per joint, one of the tool and one of the links: a limit that is used
     to 98 % binds; the motion is not faster there, or takes no other way. Below it positions,
     velocities, efforts and, where limited, accelerations, jerks and effort rates; the speed of the
-    tool and of other points with a limit, and the percentage of the tube that the tool uses; the
+    tool, with the bands of stretches, and of other points with a limit, and the percentage of the
+    tube that the tool uses; in all, stretches are shaded, and marks on the way are lines; the
     clearance, where any is judged; the arm at start and goal, and the tool's path in the tube;
     efforts over velocities, inside each motor's limits, of joints with friction or a torque-speed
     line.
@@ -119,6 +122,10 @@ def plot_motion(motion: Motion, path: str | Path | None = None) -> "Figure":
             mark_segments(axis, runs[0], labels=axis is grid.strip)
         else:
             mark_moves(axis, timeline, duration, names=axis is grid.strip)
+    stretches, passed = stretch_runs(motion.sections), passed_marks(motion.sections)
+    for axis in (grid.strip, *grid.panels):
+        is_speed = axis is grid.panels[draws.index(draw_speed)]
+        mark_process(axis, stretches, passed, names=is_speed)
     grid.name_time()
     if timeline is not None:
         name_steps(grid.panels[draws.index(draw_speed)], timeline, duration)

@@ -12,6 +12,7 @@ from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.orientation import rotation_matrix
+from tubeplanner.limits.process_stretches import stretch_runs
 from tubeplanner.output import drawing
 from tubeplanner.output.curves import LimitedSection, limited_sections, tube_name
 from tubeplanner.output.execution_curves import BESIDE_EXECUTED, motion_paths
@@ -118,6 +119,11 @@ def build_scene(
         items += solid_items(i, links, [*in_hand, *bodies])
         items += [*cell.items(i, thickness), *obstacle_items(i, cell.obstacles)]
         items += tool_items(i, each, robot, width, fastest)
+        for run in stretch_runs(own):
+            inside = (each.time >= run.on) & (each.time <= run.off)
+            surface, _ = drawing.pipe(each.tool[inside], _PROCESS_WIDTH * width)
+            color = drawing.rgb(drawing.PROCESS_COLOR)
+            items.append(Item(Layer.TOOL, i, run.name, surface, color, _PROCESS_OPACITY))
         space = Item(Layer.SWEPT, i, "links", swept[i], drawing.rgb(drawing.SWEPT_COLOR), 0.22)
         last = [orientation, [space] * (each.duration > 0)]
         items += [item for group in (last[::-1] if is_cycle else last) for item in group]
@@ -182,6 +188,7 @@ def _problem_items(
     if tube:
         items.append(reference_item(i, "path", problem.tube.points, thickness))
     elif problem.goal is not None:
+_PROCESS_WIDTH, _PROCESS_OPACITY = 1.8, 0.5  # of the path along stretches of a process
         point = problem.tube.points[-1] + 1.8 * thickness * drawing.directions(_BALL_POINTS)
         goal.append((drawing.hull_surface(point), 1.0))
     for k, (ball, opacity) in enumerate(goal):

@@ -27,6 +27,7 @@ from tubeplanner.limits.binding_limits import (
 )
 from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.limits.peaks import trajectory_peaks
+from tubeplanner.limits.process_stretches import passed_marks
 from tubeplanner.limits.rates import ToolSpeed
 from tubeplanner.output import drawing
 from tubeplanner.output.curves import (
@@ -264,17 +265,21 @@ _WORDS = {"obstacles": "to obstacles", "self_collision": "between links"}
 
 
 def page_curves(sections: Sequence[LimitedSection], time: FloatArray) -> dict[str, Any]:
-    """Return the limit on the tool's speed, the use of limits and the clearance, if any.
+    """Return the limits on the tool's speed, the use of limits and the clearance, if any.
 
     Times (K,) [s] are at equal steps from the begin of the sections' motion to its end.
     """
     limit = np.full(len(time), np.inf)  # on the tool's speed in the segment of each time [m/s]
+    least = np.full(len(time), np.inf)  # lower end of its band, likewise
     for section in sections:
         rows = section.inside(time)
         segment = section.uses.segment[section.nearest(time[rows] - section.begin)]
         limit[rows] = ToolSpeed(section.problem).limit[segment]
+        if section.problem.tube.least_tool_speed is not None:
+            least[rows] = section.problem.tube.least_tool_speed[segment]
     curves = {
         "speedLimit": _rounded(limit, 4) if np.isfinite(limit).any() else [],
+        "speedLeast": _rounded(least, 4) if np.isfinite(least).any() else [],
         "limits": _limits(sections, time),
         "clearance": _clearances(sections, time),
         "holding": _holding(sections, time),
@@ -416,7 +421,11 @@ def motion_timeline(
         line = cycle_timeline(motion).as_dict(duration)
     else:
         line = {"bands": segment_bands(sections[0]), "rests": []}
-    return {**line, "binds": binding_marks(sections)}
+    marks = [
+        {"time": round(mark.time, 5), "text": f"{mark.kind.replace('_', ' ')} {mark.name}"}
+        for mark in passed_marks(motion.sections)
+    ]
+    return {**line, "marks": marks, "binds": binding_marks(sections)}
 
 
 def segment_bands(section: LimitedSection) -> list[dict[str, Any]]:

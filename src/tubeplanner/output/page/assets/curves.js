@@ -13,6 +13,9 @@ function speedPlot() {
   const limit = data.trajectories[chosen].speedLimit;
   if (limit) lines.push({name: "limit", values: limit, color: PALE, dashed: true,
                          lasts: ends(chosen), unit: "m/s", digits: 2});
+  const least = data.trajectories[chosen].speedLeast;
+  if (least) lines.push({name: "at least", values: least, color: PALE, dashed: true,
+                         lasts: ends(chosen), unit: "m/s", digits: 2});
   return {lines, unit: "m/s", digits: 2};
 }
 

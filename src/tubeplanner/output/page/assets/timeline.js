@@ -63,6 +63,8 @@ function addTimelines() {
     addBands(line, timeline.bands);
     const below = BAND + 4 + addBinds(line, timeline.binds);
     addRests(line, timeline.rests, below);
+    timeline.marks.forEach(({time, text}) =>
+      line.append(titled(placed("mark", time, null), text, time)));
     line.style.height = `${below + (timeline.rests.length ? TEXT : 0)}px`;
     line.append(placed("now", 0, null));
     goesThere(line);
