@@ -11,8 +11,8 @@ from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.geometry.tube.tube import Tube
-from tubeplanner.orientation import rotation_matrix
 from tubeplanner.limits.process_stretches import stretch_runs
+from tubeplanner.orientation import rotation_matrix
 from tubeplanner.output import drawing
 from tubeplanner.output.curves import LimitedSection, limited_sections, tube_name
 from tubeplanner.output.execution_curves import BESIDE_EXECUTED, motion_paths
@@ -47,6 +47,7 @@ from tubeplanner.task.problem import PlanningProblem
 
 _FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES, _MAX_CYCLE_FRAMES = 200, 80, 240, 1200
 _SWEEP_STEPS, _MAX_SWEEP_STEPS = 24, 96  # of a tube, of all
+_PROCESS_WIDTH, _PROCESS_OPACITY = 1.8, 0.5  # of the path along stretches of a process
 
 
 def build_scene(
@@ -188,7 +189,6 @@ def _problem_items(
     if tube:
         items.append(reference_item(i, "path", problem.tube.points, thickness))
     elif problem.goal is not None:
-_PROCESS_WIDTH, _PROCESS_OPACITY = 1.8, 0.5  # of the path along stretches of a process
         point = problem.tube.points[-1] + 1.8 * thickness * drawing.directions(_BALL_POINTS)
         goal.append((drawing.hull_surface(point), 1.0))
     for k, (ball, opacity) in enumerate(goal):
