@@ -71,7 +71,7 @@ def test_marks_have_their_leads(problem: PlanningProblem, result: PlanResult) ->
     assert (camera.segment, camera.distance) == (2, 0.1)
     assert result.trajectory is not None
     tool = problem.robot.tool_position(result.trajectory.position(camera.time + 0.03)[None])[0]
-    np.testing.assert_allclose(tool[1], 0.1, atol=1e-9)
+    np.testing.assert_allclose(tool[1], 0.1, atol=1e-8)
     assert [mark.time for mark in marks] == sorted(mark.time for mark in marks)
 
 

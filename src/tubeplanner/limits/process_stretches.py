@@ -26,6 +26,7 @@ from tubeplanner.trajectory.parts import EVENT, PROCESS_OFF, PROCESS_ON, Mark
 _SAMPLES = 2001
 _HALVINGS = 40
 _ROUNDING = 1e-6  # of a speed
+_AT_PLACE = 1e-9  # [m]
 _NAME = "bead"
 
 
@@ -176,12 +177,12 @@ def _events(section: MotionSection) -> Iterator[Mark]:
     for event in whole.events:
         length = whole.event_length(event)
         k = int(np.clip(np.searchsorted(lengths, length, "right") - 1, 0, len(lengths) - 2))
-        along = joined.points[k + 1] - joined.points[k]
-        place = joined.points[k] + (length - lengths[k]) * along / np.linalg.norm(along)
+        along = (joined.points[k + 1] - joined.points[k]) / (lengths[k + 1] - lengths[k])
+        place = joined.points[k] + (length - lengths[k]) * along
 
         def beyond(time: FloatArray, place: FloatArray = place, along: FloatArray = along) -> Any:
             q = motion.position(time)
-            return (joined.tool_pose(problem.robot, q, time)[1] - place) @ along >= 0
+            return (joined.tool_pose(problem.robot, q, time)[1] - place) @ along >= -_AT_PLACE
 
         time = np.linspace(visits[k].begin, visits[k].end, _SAMPLES)
         is_beyond = beyond(time)
