@@ -336,6 +336,7 @@ _KINDS = (
     ("tube.joint_signs.", "", "sign of", "signs of joints", "any other"),
     ("tube.pass_through_points", "", "pass_through_points", "", "none"),
     ("tube.tool_speed", "", "tube.tool_speed", "", "up to eleven times, bands down to a tenth"),
+    ("tube.process.steady", "", "process.steady", "", "best"),
     ("robot.limits.effort.", "", "effort of", "effort of joints", "up to eleven times"),
     (
         *("robot.limits.position.", "", "position limits of", "position limits of joints"),
