@@ -34,7 +34,7 @@ ALL_PAGES = {"README.md": README, **PAGES}
 SLOW = tuple(
     f"docs/how_to/{name}.md"
     for name in (
-        *("contacts", "cycles", "executed", "place", "smooth", "studies"),
+        *("contacts", "cycles", "dispensing", "executed", "place", "smooth", "studies"),
         "studies_on_a_cluster",
     )
 )
