@@ -257,6 +257,8 @@ def other_speeds_line(certificate: Certificate) -> str:
                 if braking.drops
                 else "as steep a stop keeps the held part"
             )
+        if certificate.from_speed is not None:
+            parts.append("any stop leaves the bands of the tool's speed")
     failure = certificate.slower_failure
     if failure is None:
         parts.append("slower runs keep all limits")
@@ -264,6 +266,11 @@ def other_speeds_line(certificate: Certificate) -> str:
         parts.append(
             f"slower runs break limits: {failure.condition}, margin {100 * failure.margin:.3g} % "
             f"at {100 * failure.speed:.3g} % of the speed ({failure.where})"
+        )
+    if certificate.from_speed is not None and failure is None:
+        parts[-1] = (
+            "slower runs keep all upper limits; the bands of the tool's speed hold from "
+            f"{100 * certificate.from_speed:.1f} % of the speed on"
         )
     return "; ".join(parts)
 

@@ -19,7 +19,7 @@ from tubeplanner.trajectory.polynomials import bernstein_coefficients
 
 MOVE, EVENT, ATTACH, DETACH = _OF_STEPS = ("move", "event", "attach", "detach")
 PROCESS_ON, PROCESS_OFF = _OF_PROCESS = ("process_on", "process_off")
-KINDS = (*_OF_STEPS, *_OF_PROCESS)
+_STRETCH = "stretch"
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,10 @@ class Mark:
         setting = {} if self.setting is None else {"set": self.setting}
         place = {"segment": self.segment, "distance": self.distance}
         place = {} if self.is_of_step else place
-        return {"time": self.time, self.kind: self.name, **setting, **place}
+        own = {self.kind: self.name}
+        if self.kind in _OF_PROCESS:  # an event, of a stretch
+            own = {EVENT: self.kind, _STRETCH: self.name}
+        return {"time": self.time, **own, **setting, **place}
 
     def __str__(self) -> str:
         setting = "" if self.setting is None else f" {self.setting}"
@@ -64,30 +67,34 @@ def marks_of(fields: Any) -> tuple[Mark, ...]:
     """Return the marks of a trajectory file from the value of its field `marks`.
 
     Raises:
-        TrajectoryError: The value is no list of maps with a time and one of `KINDS`, in the order
-            of time.
+        TrajectoryError: The value is no list of maps with a time and one of move, event, attach and
+            detach, in the order of time.
     """
     if not isinstance(fields, list):
         raise TrajectoryError(f"marks is {shown(fields)}; it must be a list")
     marks: list[Mark] = []
     for k, each in enumerate(fields):
-        kinds = [kind for kind in KINDS if kind in each] if isinstance(each, dict) else []
+        kinds = [kind for kind in _OF_STEPS if kind in each] if isinstance(each, dict) else []
         if len(kinds) != 1 or not isinstance(each[kinds[0]], str):
             raise TrajectoryError(
                 f"marks[{k}] is {shown(each)}; it must be a map with a time and one name of "
-                f"{', '.join(KINDS)}"
+                f"{', '.join(_OF_STEPS)}"
             )
         time = each.get("time")
         if not is_number(time) or not time >= 0:
             raise TrajectoryError(f"marks[{k}].time is {shown(time)}; it must be a time [s]")
         place = each.get("segment"), each.get("distance")
         is_placed = all(is_number(value) for value in place)
-        if not is_placed and (kinds[0] in _OF_PROCESS or place != (None, None)):
+        kind, name = kinds[0], each[kinds[0]]
+        stretch = each.get(_STRETCH)
+        if isinstance(stretch, str) and name in _OF_PROCESS:
+            kind, name = name, stretch
+        if not is_placed and (kind in _OF_PROCESS or place != (None, None)):
             raise TrajectoryError(
-                f"marks[{k}] is {shown(each)}; process_on and process_off have a segment and a "
+                f"marks[{k}] is {shown(each)}; a mark while the tool moves has a segment and a "
                 "distance"
             )
-        marks.append(Mark(float(time), kinds[0], each[kinds[0]], each.get("set"), *place))
+        marks.append(Mark(float(time), kind, name, each.get("set"), *place))
     for k, (mark, after) in enumerate(pairwise(marks), start=1):
         if after.time < mark.time:
             raise TrajectoryError(f"marks[{k}].time is {after.time:g} s, before the one before")
