@@ -127,3 +127,9 @@ $(VENV)/.installed-notebooks: pyproject.toml $(VENV)/.installed
 $(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	touch $@
+
+# All of these by one resolution and one build, for CI. The package's stamp is the oldest, as the
+# others need it.
+$(VENV)/.installed-all: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --editable '.[test,notebooks,docs]'
+	cd $(VENV) && touch .installed .installed-test .installed-notebooks .installed-docs .installed-all
