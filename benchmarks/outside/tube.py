@@ -4,7 +4,9 @@ Of all visits of the segments in order, those are taken whose least margin is gr
 margin of an instant in a segment is the least of that of the capsule or box [m], of the joints'
 signs or ranges [rad, m], of the rotation tolerance [rad], of the tool's speed and
 acceleration (relative) and of the links' clearance [m], if that is not the same in all; at a
-switching time both segments' count.
+switching time both segments' count. Where segments have a least speed, the tool passes into them
+behind the plane through the first point of their stretch, and out of them beyond that through its
+last one; how far it is there counts under the tube [m].
 """
 
 import math
@@ -60,22 +62,24 @@ class Visits:
 
 
 def ordered_visits(
-    least: np.ndarray, inside: dict[int, np.ndarray] | None = None
+    least: np.ndarray,
+    inside: dict[int, np.ndarray] | None = None,
+    gates: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return samples and segments of the ordered visits whose least margin is greatest.
 
     A state is a segment and whether the points at its two ends have been passed, if they must be.
     value[state][k] is the best least margin of visits that are in it at sample k. They came from
     the sample before in the same state, or at this sample from the segment before, or by passing a
-    point.
+    point. Into a segment, the margin at its gate counts.
     """
     inside, count = inside or {}, least.shape[1]
     value: dict[State, list[float]] = {}
     for state in _states(count, inside):
-        gates = [(value[source], gate) for source, gate in _before(state, inside)]
+        ways = [(value[source], gate) for source, gate in _before(state, inside, gates)]
         entries = [math.inf] + [-math.inf] * (len(least) - 1)
-        if gates:
-            both = [np.minimum(row, np.inf if gate is None else gate) for row, gate in gates]
+        if ways:
+            both = [np.minimum(row, np.inf if gate is None else gate) for row, gate in ways]
             entries = np.max(both, axis=0).tolist()
         row, last = [], -math.inf
         for margin, entry in zip(least[:, state[0]].tolist(), entries, strict=True):
@@ -84,11 +88,11 @@ def ordered_visits(
         value[state] = row
     k, state = len(least) - 1, (count - 1, True, True)
     visits = [(k, state[0])]
-    while k > 0 or _before(state, inside):
+    while k > 0 or _before(state, inside, gates):
         stays = value[state][k - 1] if k > 0 else -math.inf
         entered = [
             (min(value[source][k], math.inf if gate is None else gate[k]), source)
-            for source, gate in _before(state, inside)
+            for source, gate in _before(state, inside, gates)
         ]
         enters, source = max(entered, key=lambda one: one[0], default=(-math.inf, state))
         k, state = (k - 1, state) if k > 0 and stays >= enters else (k, source)
@@ -97,8 +101,10 @@ def ordered_visits(
     return rows, segments
 
 
-def union_visits(least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return samples and, for each, the segment whose margin is greatest."""
+def union_visits(
+    least: np.ndarray, inside: None = None, gates: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return samples and, for each, the segment whose margin is greatest; any may be entered."""
     return np.arange(len(least)), least.argmax(axis=1)
 
 
@@ -216,23 +222,24 @@ def judge_points(
     if not tube.passing:
         return Least()
 
-    def margins_at(where: Samples) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    def margins_at(where: Samples) -> tuple[np.ndarray, dict[int, np.ndarray], np.ndarray]:
         q = trajectory.at(where)
         tool = arm.tool(q)[1]
         inside = {
             k: min(tube.radius[k - 1 : k + 1]) - np.linalg.norm(tool - tube.points[k], axis=1)
             for k in tube.passing
         }
-        least = _margins(tube, arm, trajectory, where, CONDITIONS, clearance).least
+        margins = _margins(tube, arm, trajectory, where, CONDITIONS, clearance)
+        least = margins.least
         if not tube.is_ordered:
             beside = {k: np.maximum(least[:, k - 1], least[:, k]) for k in inside}
             inside = {k: np.minimum(margin, beside[k]) for k, margin in inside.items()}
-        return least, inside
+        return least, inside, margins.gates
 
-    least, inside = margins_at(samples)
+    least, inside, gates = margins_at(samples)
     windows = dict.fromkeys(tube.passing, (0, len(samples) - 1))
     if tube.is_ordered:
-        windows = _windows(least, inside)
+        windows = _windows(least, inside, gates)
     found = []
     for k, (low, high) in windows.items():
         best = low + int(inside[k][low : high + 1].argmax())
@@ -255,12 +262,14 @@ def _states(count: int, inside: dict[int, np.ndarray]) -> list[State]:
     ]
 
 
-def _before(state: State, inside: dict[int, np.ndarray]) -> list[tuple[State, np.ndarray | None]]:
+def _before(
+    state: State, inside: dict[int, np.ndarray], gates: np.ndarray | None
+) -> list[tuple[State, np.ndarray | None]]:
     """Return the states that lead to one, and the margin of what is passed on the way."""
     s, first, last = state
     found: list[tuple[State, np.ndarray | None]] = []
     if s > 0 and last == (s + 1 not in inside):  # what lies ahead is passed later
-        found.append(((s - 1, True, first), None))
+        found.append(((s - 1, True, first), None if gates is None else gates[:, s]))
     if first and s in inside:
         found.append(((s, False, last), inside[s]))
     if last and s + 1 in inside:
@@ -284,6 +293,7 @@ class _Margins:
     tool_acceleration: np.ndarray
     clearance: np.ndarray
     joint: np.ndarray
+    gates: np.ndarray  # where each segment may be entered
 
     @property
     def least(self) -> np.ndarray:
@@ -308,7 +318,7 @@ def _on_best_visits(
     margins, found = margins_at(samples), dict.fromkeys(CONDITIONS, Least())
     for _ in range(MAX_LOOKS_BETWEEN):
         samples, margins = _confirmed(choose, samples, margins, margins_at)
-        rows, segments = choose(margins.least)
+        rows, segments = choose(margins.least, gates=margins.gates)
         visits, found = Visits(samples, rows, segments), _least_on(margins, samples, rows, segments)
         between = _between(samples, rows, segments, margins, margins_at)
         worst, least = (min((e[n] for n in counted), key=_margin) for e in (between, found))
@@ -322,7 +332,7 @@ def _on_best_visits(
 
 
 def _confirmed(
-    choose: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    choose: Callable[..., tuple[np.ndarray, np.ndarray]],
     samples: Samples,
     margins: "_Margins",
     margins_at: Callable[..., "_Margins"],
@@ -333,8 +343,8 @@ def _confirmed(
     """
     before, times_alike = math.inf, 0
     for _ in range(MAX_ROUNDS):
-        rows, segments = choose(margins.least)
-        values = margins.least[rows, segments]
+        rows, segments = choose(margins.least, gates=margins.gates)
+        values = np.minimum(margins.least[rows, segments], _at_gates(margins, rows, segments))
         times_alike = times_alike + 1 if abs(values.min() - before) < SETTLED else 0
         if times_alike == 2:
             break
@@ -347,6 +357,13 @@ def _confirmed(
             break
         samples, margins = _with(samples, margins, new, margins_at(new))
     return samples, margins
+
+
+def _at_gates(margins: "_Margins", rows: np.ndarray, segments: np.ndarray) -> np.ndarray:
+    """Return the margin at the gate wherever visits enter a segment, infinite elsewhere [m]."""
+    entered = np.diff(segments, prepend=segments[0]) > 0
+    values: np.ndarray = np.where(entered, margins.gates[rows, segments], math.inf)
+    return values
 
 
 def _margin(least: Least) -> float:
@@ -385,7 +402,10 @@ def _margins(
     }
     shape = (len(q), count if segments is None else 1)
     free = np.full((len(CONDITIONS), *shape), math.inf)
-    found = _Margins(counted, *free, np.zeros(shape, dtype=int))
+    gates = free[0].copy()
+    if segments is None and tube.is_ordered:
+        gates = tube.gates(position)
+    found = _Margins(counted, *free, np.zeros(shape, dtype=int), gates)
     if clearance is not None:
         every = clearance(samples)
         own = every if segments is None else every[np.arange(len(q)), segments][:, None]
@@ -403,6 +423,9 @@ def _margins(
         for name, limit in limits.items():
             if np.isfinite(limit[k]):
                 getattr(found, name)[rows, column] = 1 - reached[name][rows] / limit[k]
+        if tube.floor is not None and tube.floor[k] > 0:
+            above = reached["tool_speed"][rows] / tube.floor[k] - 1
+            found.tool_speed[rows, column] = np.minimum(found.tool_speed[rows, column], above)
         for name, (lower, upper) in tube.ranges[k].items():
             joint = arm.joint_names.index(name)
             inside = np.minimum(q[rows, joint] - lower, upper - q[rows, joint])
@@ -412,9 +435,11 @@ def _margins(
     return found
 
 
-def _windows(least: np.ndarray, inside: dict[int, np.ndarray]) -> dict[int, tuple[int, int]]:
+def _windows(
+    least: np.ndarray, inside: dict[int, np.ndarray], gates: np.ndarray
+) -> dict[int, tuple[int, int]]:
     """Return the first and the last sample in the two segments beside each point."""
-    ways = [ordered_visits(least), ordered_visits(least, inside)]
+    ways = [ordered_visits(least, each, gates) for each in (None, inside)]
     windows = []
     for rows, segments in ways:
         beside = {k: rows[(segments == k - 1) | (segments == k)] for k in inside}
@@ -434,6 +459,10 @@ def _least_on(
         joint = int(margins.joint[rows[at], segments[at]]) if name == "joint_signs" else None
         where = float(samples.time[rows[at]]), int(segments[at])
         found[name] = Least(float(values[at]), *where, joint) if values[at] < math.inf else Least()
+    entered = _at_gates(margins, rows, segments)
+    if (worst := float(entered.min())) < found["tube"].margin:
+        at, point = int(entered.argmin()), int(segments[entered.argmin()])
+        found["tube"] = Least(worst, float(samples.time[rows[at]]), point, point=point)
     return found
 
 
@@ -470,6 +499,6 @@ def _with(
     order = np.lexsort(
         (np.concatenate([samples.local, new.local]), np.concatenate([samples.piece, new.piece]))
     )
-    names = (*CONDITIONS, "joint")
+    names = (*CONDITIONS, "joint", "gates")
     values = (np.concatenate([getattr(margins, n), getattr(more, n)])[order] for n in names)
     return joined, _Margins(margins.counted, *values)

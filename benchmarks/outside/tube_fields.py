@@ -18,7 +18,9 @@ from outside.files import BadInput, require_known
 
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
 OF_TOOL = ("tool_speed", "tool_acceleration")  # [m/s], [m/s^2]
-TUBE |= {*OF_TOOL, "visit", "pass_through_points", "cross_section"}
+TUBE |= {*OF_TOOL, "visit", "pass_through_points", "cross_section", "process"}
+TUBE |= {"events"}  # marks of instants, no condition
+PROCESS = {"run_in", "run_out", "steady", "lead_on", "lead_off"}
 SIGNS = {"+": (0.0, math.inf), "-": (-math.inf, 0.0), "0": (-math.inf, math.inf)}
 SIGNS_BY_NUMBER = {1: "+", -1: "-", 0: "0"}
 REPEATED = 1e-6  # [m]
@@ -61,6 +63,8 @@ class TubeFields:
             discs alone.
         tool_radius: What is taken off the radii, and to be taken off the boxes [m].
         acceleration: As `speed`, of the tool's acceleration [m/s^2], or None.
+        floor: What the tool's speed must not be below in each segment, zero where it is free:
+            shape (m,) [m/s], or None.
     """
 
     points: np.ndarray
@@ -76,6 +80,7 @@ class TubeFields:
     sections: list[Section | None] | None = None
     tool_radius: float = 0.0
     acceleration: np.ndarray | None = None
+    floor: np.ndarray | None = None
 
     def some(self, kept: list[int]) -> "TubeFields":
         """Return the tube with some of its points; each segment is the one that ends there."""
@@ -95,7 +100,23 @@ class TubeFields:
             None if self.sections is None else [self.sections[k] for k in segments],
             self.tool_radius,
             None if self.acceleration is None else self.acceleration[segments],
+            None if self.floor is None else self.floor[segments],
         )
+
+    def gates(self, position: np.ndarray) -> np.ndarray:
+        """Return how far positions (N, 3) are where each segment may be entered, (N, m) [m].
+
+        The first segment of a stretch with floors is entered behind the plane through its first
+        point, the segment after it beyond the plane through its last one; infinite elsewhere.
+        """
+        margin = np.full((len(position), len(self.radius)), math.inf)
+        for first, last in _stretches(self.floor):
+            for point, segment, sign in ((first, first, -1), (last + 1, last, 1)):
+                if 0 < point < len(self.radius):
+                    along = self.points[segment + 1] - self.points[segment]
+                    out = sign * along / np.linalg.norm(along)
+                    margin[:, point] = (position - self.points[point]) @ out
+        return margin
 
     def same(self, one: int, other: int) -> bool:
         """Return whether two segments ask the same."""
@@ -106,6 +127,7 @@ class TubeFields:
             and self.ranges[one] == self.ranges[other]
             and self.speed[one] == self.speed[other]
             and (self.acceleration is None or self.acceleration[one] == self.acceleration[other])
+            and (self.floor is None or self.floor[one] == self.floor[other])
             and self.clearance[one] == self.clearance[other]
             and (bounds is None or (bounds[one] == bounds[other]).all())
         )
@@ -331,13 +353,14 @@ def tube_of(fields: Any, clearance: np.ndarray) -> TubeFields:
     if orientations is not None and np.shape(orientations) != (count + 1, 4):
         raise BadInput("tube.orientations must be one quaternion per point")
     tolerance = fields.get("rotation_tolerance")
+    floor, speed = _bands(fields.get("tool_speed"), count)
     tube = TubeFields(
         points,
         radius - tool_radius,
         [{name: _range(sign) for name, sign in (row or {}).items()} for row in maps],
         None if orientations is None else np.array(orientations, dtype=float),
         None if tolerance is None else bounds_of(tolerance, count),
-        _limits(fields, "tool_speed", count),
+        speed,
         clearance,
         visit == "ordered",
         [],
@@ -345,7 +368,13 @@ def tube_of(fields: Any, clearance: np.ndarray) -> TubeFields:
         sections,
         tool_radius,
         _limits(fields, "tool_acceleration", count),
+        floor if floor.any() else None,
     )
+    process = fields.get("process") or {}
+    require_known(process, PROCESS, "tube.process.")
+    tube = _with_ways(tube, process)
+    if process.get("steady", "required") != "required":
+        tube = replace(tube, floor=None)
     return _reduced(tube, fields.get("pass_through_points", "corners"))
 
 
@@ -375,6 +404,72 @@ def _limits(fields: Any, name: str, count: int) -> np.ndarray:
     if len(entries) != count:
         raise BadInput(f"tube.{name} has {len(entries)} entries for {count} segments")
     return np.array([limit_of(value, f"tube.{name}") for value in entries])
+
+
+def _bands(given: Any, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least speeds, zero where there is none, and the largest ones, (m,) each [m/s]."""
+    entries = given if isinstance(given, list) else [given] * count
+    floors, tops = [0.0] * len(entries), list(entries)
+    for k, entry in enumerate(entries):
+        if not isinstance(entry, dict):
+            continue
+        if set(entry) == {"between"}:
+            floors[k], tops[k] = (float(end) for end in entry["between"])
+        elif set(entry) == {"speed", "tolerance"}:
+            tops[k] = float(entry["speed"])
+            floors[k] = tops[k] * (1 - float(entry["tolerance"]))
+        else:
+            raise BadInput("tube.tool_speed: a band has speed and tolerance, or between")
+        if not 0 < floors[k] < tops[k]:
+            raise BadInput(f"tube.tool_speed: a band from {floors[k]:g} to {tops[k]:g} m/s")
+    return np.array(floors), _limits({"tool_speed": tops}, "tool_speed", count)
+
+
+def _stretches(floor: np.ndarray | None) -> list[tuple[int, int]]:
+    """Return the first and the last segment of each run of segments with a floor."""
+    banded = [] if floor is None else np.flatnonzero(floor > 0).tolist()
+    firsts = [k for k in banded if k - 1 not in banded]
+    return list(zip(firsts, [k for k in banded if k + 1 not in banded], strict=True))
+
+
+def _with_ways(tube: TubeFields, process: dict[str, Any]) -> TubeFields:
+    """Return a tube with a straight way before and after each stretch, as wide as the stretch."""
+    run_in, run_out = (float(process.get(name, 0.0)) for name in ("run_in", "run_out"))
+    places = []  # index of the point before which it comes, position, orientation's point, region
+    for first, last in _stretches(tube.floor):
+        begin, end = (tube.points[k + 1] - tube.points[k] for k in (first, last))
+        if run_in:
+            there = tube.points[first] - run_in * begin / np.linalg.norm(begin)
+            places.append((first, 1, there, first, first))
+        if run_out:
+            there = tube.points[last + 1] + run_out * end / np.linalg.norm(end)
+            places.append((last + 2, 0, there, last + 1, last))
+    for at, is_before, there, point, region in sorted(places, key=lambda p: p[:2], reverse=True):
+        # The way is the segment after the new point, or before it; the neighbour is cut in two.
+        rows = [*range(at), point, *range(at, len(tube.points))]
+        beside = at - 1
+        segments = [*range(beside), beside, beside, *range(beside + 1, len(tube.radius))]
+        own = list(segments)
+        own[beside + 1 if is_before else beside] = region
+        points = tube.points[rows]
+        points[at] = there
+        tube = TubeFields(
+            points,
+            tube.radius[own],
+            [tube.ranges[k] for k in segments],
+            None if tube.orientations is None else tube.orientations[rows],
+            None if tube.bounds is None else tube.bounds[segments],
+            tube.speed[segments],
+            tube.clearance[segments],
+            tube.is_ordered,
+            [],
+            [tube.numbers[k] for k in rows],
+            None if tube.sections is None else [tube.sections[k] for k in own],
+            tube.tool_radius,
+            None if tube.acceleration is None else tube.acceleration[segments],
+            None if tube.floor is None else tube.floor[segments],
+        )
+    return tube
 
 
 def _straightness(points: np.ndarray, k: int, near: float) -> float:

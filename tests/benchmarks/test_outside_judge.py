@@ -24,7 +24,7 @@ from outside.files import BadInput, find_urdf
 from outside.problem import read_problem
 from outside.trajectory import Samples, Trajectory, read_trajectory
 from outside.tube import ordered_visits
-from outside.tube_fields import OF_TOOL, bounds_of, box_margin, radii, read_sections
+from outside.tube_fields import OF_TOOL, TubeFields, bounds_of, box_margin, radii, read_sections
 from outside_judge import TOLERANCE, Judge, main, passes
 from tubeplanner.output.files.trajectory_writer import trajectory_json
 from tubeplanner.resources import bundled_problems, example_robot_names, find_description
@@ -683,6 +683,62 @@ def test_hand_overs_are_where_the_tool_is_slow_enough(cart, place, visit, passes
     case = cart(place, tool_speed=[None, 0.5], visit=visit)
     found = case.broken() & {"tube", "tool_speed", "points"}
     assert found == (set() if passes else {"tool_speed"})
+
+
+IN_BAND = {
+    "points": [[0, 0, 0], [0.2, 0, 0], [0.4, 0, 0], [0.6, 0, 0]],
+    "tool_speed": [None, {"speed": 1.1, "tolerance": 0.2}, None],
+}
+
+
+@pytest.mark.parametrize("radius", [0.02, [0.1, 0.02, 0.1]])
+@pytest.mark.parametrize(
+    ("place", "process", "margin"),
+    [
+        (0.401, {}, 1 - 1 / 1.1),
+        (0.399, {}, 0.4 / 0.88 - 1),
+        (0.35, {}, 0.4 / 0.88 - 1),
+        (0.35, {"steady": "best"}, 1 - 1 / 1.1),
+        (0.401, {"run_in": 0.05, "run_out": 0.05}, 1 - 1 / 1.1),
+        (0.399, {"run_in": 0.05, "run_out": 0.05}, 0.4 / 0.88 - 1),
+    ],
+)
+def test_a_band_holds_from_the_first_point_to_the_last(cart, radius, place, process, margin):
+    """No wider neighbour takes a part of the stretch; the speed falls at an instant."""
+    case = cart(place, radius=radius, process=process, **IN_BAND)
+    outside, inside = case.judged_by_both()
+    for conditions in (outside, inside):
+        assert conditions["tool_speed"].margin == pytest.approx(margin, abs=2e-3)
+    assert case.broken(outside) & {"tube", "tool_speed"} == (
+        {"tool_speed"} if margin < 0 else set()
+    )
+
+
+@pytest.mark.parametrize(("off", "holds"), [(-0.001, True), (0.005, False)])
+def test_a_stretch_is_entered_behind_its_first_point(off, holds):
+    points, floor = np.array([[0, 0.2, 0], [0, 0, 0], [0.2, 0, 0], [0.3, 0, 0]]), [0, 1.0, 0]
+    free = np.full(3, np.inf)
+    tube = TubeFields(
+        points, free, [{}] * 3, None, None, free, free, True, [], [], floor=np.array(floor)
+    )
+    gates = tube.gates(np.array([[off, 0.005, 0], [0.205, off, 0]]))
+    np.testing.assert_allclose(gates, [[np.inf, -off, off - 0.2], [np.inf, -0.205, 0.005]])
+    rows, segments = ordered_visits(np.full((2, 3), 1.0), gates=gates)
+    assert segments.tolist() == [0, 1, 1, 2]
+    assert (gates[rows[1], 1] >= 0) is np.bool_(holds)
+
+
+@pytest.mark.parametrize(
+    ("band", "message"),
+    [
+        ({"speed": 1.0}, "a band has speed and tolerance"),
+        ({"between": [1.0, 1.0]}, "a band from 1 to 1 m/s"),
+    ],
+)
+def test_a_band_that_is_none_is_no_input(cart, band, message):
+    with pytest.raises(BadInput) as error:
+        read_problem(cart(0.2, tool_speed=[None, band]).write())
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize("name", OF_TOOL)
