@@ -33,7 +33,7 @@ quick: $(VENV)/.installed-test
 	$(PYTEST) -q $(FAILURES) -m "not slow"
 
 test-slow: $(VENV)/.installed-test
-	$(PYTEST) -q $(FAILURES) --durations 5 -m slow
+	$(PYTEST) -q $(FAILURES) --durations 5 -m "slow and not study"
 
 test-all: test test-slow
 
@@ -47,6 +47,7 @@ test-pure: $(VENV)/.installed-test
 
 # Before a release: what is too long for CI, each part with a seed and a budget in seconds.
 study: $(VENV)/.installed-test
+	$(PYTEST) -q -m study
 	$(BIN)/python tests/helpers/other_processors.py '$(PYTEST) -q $(CHEAP)'
 	$(BIN)/python benchmarks/mutants.py --sample 100000 --seed $(SEED) --seconds $(SECONDS)
 	$(BIN)/python benchmarks/campaign.py --count 100000 --seed $(SEED)000 --pairs --processes $(JOBS) --seconds $(SECONDS)

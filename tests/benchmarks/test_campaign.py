@@ -113,6 +113,7 @@ def test_a_seed_that_raises_is_a_line_of_its_own(run_campaign):
 
 # It builds, plans and judges a random problem in processes: 12 s.
 @pytest.mark.slow
+@pytest.mark.study
 def test_a_problem_is_planned_by_processes_and_its_answer_judged(run_campaign, tmp_path):
     output = tmp_path / "lines.jsonl"
     arguments = ("--seed", QUICK, "--count", 1, "--processes", 2, "--output", output)

@@ -10,7 +10,8 @@ import pytest
 
 from fuzz_kinds import KINDS
 
-pytestmark = pytest.mark.slow  # damaged files of every kind are read in processes
+# Damaged files of every kind are read in processes.
+pytestmark = [pytest.mark.slow, pytest.mark.study]
 
 ROOT = Path(__file__).parents[2]
 CASES = 1  # of each kind; `benchmarks/fuzz.py` does as many as there is time for

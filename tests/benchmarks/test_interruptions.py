@@ -71,6 +71,7 @@ def test_every_command_that_writes_files_is_among_them():
 
 
 @pytest.mark.slow  # it runs a study: 2 s
+@pytest.mark.study
 def test_what_is_computed_several_times_is_given_back_by_numbers(run, inputs, tmp_path):
     case = BY_NAME["study"]
     kept, numbers = Kept(case), []
@@ -87,7 +88,7 @@ def test_what_is_computed_several_times_is_given_back_by_numbers(run, inputs, tm
         "init",
         # Studies and comparisons plan several times before: 3 s each.
         pytest.param("study", marks=pytest.mark.slow),
-        pytest.param("compare", marks=pytest.mark.slow),
+        pytest.param("compare", marks=[pytest.mark.slow, pytest.mark.study]),
     ],
 )
 def test_files_are_all_new_with_the_answer_or_as_they_were(command, name, tmp_path):

@@ -98,6 +98,17 @@ def slow_but(quick, cases):
     return [case if case in quick else slow(case) for case in cases]
 
 
+def study_but(pushed, cases):
+    """Return cases for `parametrize`, all slow: those not to run at every push wait for a study."""
+    marks = [pytest.mark.slow, pytest.mark.study]
+    return [
+        pytest.param(
+            *(case if isinstance(case, tuple) else (case,)), marks=marks[: 1 + (case not in pushed)]
+        )
+        for case in cases
+    ]
+
+
 def one_joint(tmp_path, mass=0.0, **limits):
     """A bar that turns about z with a known inertia; gravity acts only if it has a mass lever."""
     (tmp_path / "bar.urdf").write_text(

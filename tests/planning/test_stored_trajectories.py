@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from cases import study_but
 from stored_trajectories import (
     FOLDER,
     REFRESH,
@@ -34,8 +35,8 @@ def test_what_is_stored_is_listed():
     assert set(FOLDER.iterdir()) == {stored_path(name, method) for name, method in STORED}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SURVIVORS)
+# Hundreds of motions are simulated: 10 s each.
+@pytest.mark.parametrize("name", study_but(["two_link/around_a_post"], SURVIVORS))
 def test_a_plan_that_survives_bounds_of_errors_survives_smaller_errors(name):
     """Arms of a fresh seed have nothing, a half and all of every error."""
     problem = stored_problem(name, ROBUST)
