@@ -49,7 +49,7 @@ def current_segments(
     if joined is problem:
         return segment
     # Of the parts of a joined segment, the problem's own segments, the nearest to the tool counts.
-    ends = np.searchsorted(problem.tube.numbers, joined.tube.numbers)
+    ends = joined.tube.part_points
     distance = problem.tube.distance(
         problem.tube.tool_pose(problem.robot, samples.position, samples.time)[1]
     )

@@ -18,7 +18,7 @@ from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline, 
 from tubeplanner.optimizer.rows import MERIT_TOLERANCE
 from tubeplanner.optimizer.tube_phases import (
     OrderedSegments,
-    has_turns_at_speed,
+    has_speed_limit,
     smoother_problem,
     tube_chains,
     turns_at_speed,
@@ -102,7 +102,7 @@ def starting_spline(
     inner = np.interp(corners[ends], covered, x)
     switching_times = _with_width(np.concatenate([[0.0], inner, [1.0]]))
     # At a limited speed the tool follows its tube; one interval per phase would lead it out.
-    fewest = _FEWEST if has_turns_at_speed(problem) else 1
+    fewest = _FEWEST if has_speed_limit(problem) else 1
     grid = knot_grid(switching_times, intervals, runs, fewest)
     apart = np.concatenate([[True], np.diff(travel) > 0])
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)

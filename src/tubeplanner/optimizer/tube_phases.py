@@ -96,6 +96,18 @@ def has_turns_at_speed(problem: PlanningProblem) -> bool:
     return len(turns_at_speed(problem)[0]) > 0
 
 
+def has_speed_limit(problem: PlanningProblem) -> bool:
+    """Return True if the tool's speed is limited in some segment."""
+    return bool(np.isfinite(_speed_limit(problem)).any())
+
+
+def _speed_limit(problem: PlanningProblem) -> FloatArray:
+    """Return the limit on the tool's speed in each segment, (m,) [m/s], inf where it is free."""
+    limit = np.full(problem.tube.segment_count, problem.robot.limits.tool_speed)
+    of_tube = problem.tube.tool_speed
+    return limit if of_tube is None else np.minimum(limit, of_tube)
+
+
 def turns_at_speed(problem: PlanningProblem) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the turns of a tube where the tool's speed is limited on both sides.
 
@@ -106,8 +118,7 @@ def turns_at_speed(problem: PlanningProblem) -> tuple[IntArray, FloatArray, Floa
         Indices of points, their angles [rad], and the times of half an arc [s], shape (K,) each.
     """
     tube, angle = problem.tube, np.minimum(_turns(problem.tube), smoothed_angles(problem.tube))
-    limit = np.full(tube.segment_count, problem.robot.limits.tool_speed)
-    limit = limit if tube.tool_speed is None else np.minimum(limit, tube.tool_speed)
+    limit = _speed_limit(problem)
     points = 1 + np.flatnonzero(np.isfinite(limit[:-1]) & np.isfinite(limit[1:]) & (angle > 0))
     angle, before, after = angle[points - 1], points - 1, points
     radius = np.minimum(tube.effective_radius[before], tube.effective_radius[after])

@@ -75,7 +75,8 @@ class Tightening:
         """Return the tightening for the segments that were joined to a tube's."""
         if tube.parts is None:
             return self
-        joined = np.searchsorted(tube.numbers, tube.parts.numbers[:-1], side="right") - 1
+        every = np.arange(tube.parts.segment_count)
+        joined = np.searchsorted(tube.part_points, every, side="right") - 1
         return replace(self, radius=self.radius[joined], rotation=self.rotation[joined])
 
     def as_dict(self) -> dict[str, Any]:

@@ -152,11 +152,19 @@ class PlanningProblem:
                 "tube.tool_speed has a band, which does not go with visit: any; leave visit out, "
                 "so that segments are visited in order"
             )
+        floor, most = tube.least_tool_speed, self.robot.limits.tool_speed
+        too_fast = [] if floor is None else np.isfinite(floor) & (floor >= most)
+        for k in np.flatnonzero(too_fast).tolist():
+            raise ProblemError(
+                f"tube.tool_speed: segment {tube.segment_number(k)} has a least speed of "
+                f"{floor[k]:g} m/s, but robot.limits.tool_speed is {most:g} m/s; lower the band or "
+                "raise that limit"
+            )
         for end, k in (("begins", 0), ("ends", tube.segment_count - 1)):
-            if tube.least_tool_speed is not None and np.isfinite(tube.least_tool_speed[k]):
+            if floor is not None and np.isfinite(floor[k]):
                 raise ProblemError(
                     f"tube.tool_speed: segment {tube.segment_number(k)} has a least speed of "
-                    f"{tube.least_tool_speed[k]:g} m/s, but the motion {end} in it, at rest; give "
+                    f"{floor[k]:g} m/s, but the motion {end} in it, at rest; give "
                     "the tube a segment beside it for the tool to speed up or slow down"
                 )
 

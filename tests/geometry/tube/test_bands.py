@@ -53,9 +53,10 @@ REFUSED = [
     (
         [None, BAND, {"between": [0.3, 0.4]}, None],
         {},
-        "the bands of segments 1 and 2 have no speed in common: one begins at 0.3 m/s, the other "
-        "ends at 0.25 m/s",
+        "segments 1 and 2 have no speed in common, which the tool has where it passes from one to "
+        "the other: one begins at 0.3 m/s, the other ends at 0.25 m/s",
     ),
+    ([None, BAND, 0.1, None], {}, "segments 1 and 2 have no speed in common"),
     (SPEEDS, {"run_in": -1}, "tube.process.run_in is -1; it must be from 0 to 10 m"),
     (SPEEDS, {"steady": "bst"}, "unknown value 'bst' (did you mean 'best'?)"),
     (SPEEDS, {"run": 1}, "tube.process: unknown field 'run'"),

@@ -223,13 +223,15 @@ def speeds_of(tool_speed: Any, least: Any, segments: int) -> Speeds:
                 f"tube.tool_speed: the band of segment {k} is from {lower[k]:g} to {upper[k]:g} "
                 "m/s; its lower end must be below the upper one"
             )
-        for k in np.flatnonzero(banded[:-1] & banded[1:]):
-            low, high = max(lower[k : k + 2]), min(upper[k : k + 2])
+        floor = np.where(banded, lower, 0.0)
+        for k in np.flatnonzero(banded[:-1] | banded[1:]):
+            low, high = max(floor[k : k + 2]), min(upper[k : k + 2])
             if low > high:
                 raise ProblemError(
-                    f"tube.tool_speed: the bands of segments {k} and {k + 1} have no speed in "
-                    f"common: one begins at {low:g} m/s, the other ends at {high:g} m/s; give them "
-                    "bands that overlap, or a free segment between them (null)"
+                    f"tube.tool_speed: segments {k} and {k + 1} have no speed in common, which the "
+                    f"tool has where it passes from one to the other: one begins at {low:g} m/s, "
+                    f"the other ends at {high:g} m/s; give them speeds that overlap, or a free "
+                    "segment between them (null)"
                 )
     return largest, lower
 

@@ -100,6 +100,7 @@ class Tube:
         rotation: The rotation tolerance as geometry; None: as above.
         notes: Points that were left out.
         parts: The tube whose segments were joined to this tube's; None if none were.
+        part_points: Indices of this tube's points among those of `parts`, shape (m+1,).
     """
 
     points: FloatArray
@@ -123,6 +124,7 @@ class Tube:
     rotation: RotationalTube | None = field(init=False)
     notes: tuple[str, ...] = field(init=False)
     parts: "Tube | None" = field(init=False)
+    part_points: IntArray = field(init=False)
 
     def __init__(
         self,
@@ -224,6 +226,7 @@ class Tube:
             route=None if route is None else given_route(route),
             notes=(),
             parts=None,
+            part_points=np.arange(segments + 1),
             **{name: segment_values(each, segments, name) for name, each in numbers_of.items()},
         )
         by_segment = list(zip(radii.tolist(), self.conditions, strict=True))
@@ -433,7 +436,7 @@ class Tube:
         """
         if self.parts is None:
             return int(self.numbers[k + 1]) - 1
-        first, end = np.searchsorted(self.parts.numbers, self.numbers[k : k + 2])
+        first, end = self.part_points[k : k + 2].tolist()
         away = 0 if tool is None else self.parts.distance(tool[None], slice(first, end)).argmin()
         return self.parts.segment_number(int(first + away))
 
@@ -622,7 +625,7 @@ def joined_segments(tube: Tube) -> Tube:
         return tube
     points = [*firsts, tube.segment_count]
     joined = tube.with_points(points, firsts)
-    object.__setattr__(joined, "parts", tube)
+    vars(joined).update(parts=tube, part_points=np.array(points))
     return joined
 
 
