@@ -109,7 +109,7 @@ def _speed_limit(problem: PlanningProblem) -> FloatArray:
 
 
 def turns_at_speed(problem: PlanningProblem) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the turns of a tube where the tool's speed is limited on both sides.
+    """Return the turns of a tube where the tool's speed is limited on both sides, or has a band.
 
     The widest arc in a strip of half width r that turns by th has the radius 2r / (1 - cos(th/2)).
     It is no longer than the segments beside it.
@@ -118,8 +118,12 @@ def turns_at_speed(problem: PlanningProblem) -> tuple[IntArray, FloatArray, Floa
         Indices of points, their angles [rad], and the times of half an arc [s], shape (K,) each.
     """
     tube, angle = problem.tube, np.minimum(_turns(problem.tube), smoothed_angles(problem.tube))
-    limit = _speed_limit(problem)
-    points = 1 + np.flatnonzero(np.isfinite(limit[:-1]) & np.isfinite(limit[1:]) & (angle > 0))
+    limit, banded = _speed_limit(problem), np.zeros(tube.segment_count, dtype=bool)
+    for first, last in tube.stretches:
+        banded[first : last + 1] = True
+    is_limited = np.isfinite(limit)
+    at_speed = (is_limited[:-1] & is_limited[1:]) | banded[:-1] | banded[1:]
+    points = 1 + np.flatnonzero(at_speed & (angle > 0))
     angle, before, after = angle[points - 1], points - 1, points
     radius = np.minimum(tube.effective_radius[before], tube.effective_radius[after])
     length = np.linalg.norm(np.diff(tube.points, axis=0), axis=1)

@@ -153,15 +153,16 @@ class PlanningProblem:
                 "so that segments are visited in order"
             )
         floor, most = tube.least_tool_speed, self.robot.limits.tool_speed
-        too_fast = [] if floor is None else np.isfinite(floor) & (floor >= most)
-        for k in np.flatnonzero(too_fast).tolist():
+        if floor is None:
+            return
+        for k in np.flatnonzero(np.isfinite(floor) & (floor >= most)).tolist():
             raise ProblemError(
                 f"tube.tool_speed: segment {tube.segment_number(k)} has a least speed of "
                 f"{floor[k]:g} m/s, but robot.limits.tool_speed is {most:g} m/s; lower the band or "
                 "raise that limit"
             )
         for end, k in (("begins", 0), ("ends", tube.segment_count - 1)):
-            if floor is not None and np.isfinite(floor[k]):
+            if np.isfinite(floor[k]):
                 raise ProblemError(
                     f"tube.tool_speed: segment {tube.segment_number(k)} has a least speed of "
                     f"{floor[k]:g} m/s, but the motion {end} in it, at rest; give "
