@@ -69,6 +69,15 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "_point_velocity": [("location = rotation[:, body] @ in_body[:3] + ", "location = ")],
     "ToolRateMargin._norm": [("self._quantity.derivatives + 1", "self._quantity.derivatives")],
     "_acceleration": [("2 * carried + turning", "carried + turning")],
+    # Speed bands
+    "judge_tool_speed": [("min(lower, upper", "max(lower, upper")],
+    "_floors": [(" and problem.tube.process.steady == REQUIRED", "")],
+    "_from_speed": [("1 + lower.margin", "1 - lower.margin")],
+    "gates": [
+        ("sign * along", "along"),
+        ("(stretch.last + 1, stretch.last, 1.0)", "(stretch.last, stretch.last, 1.0)"),
+    ],
+    "judge_tube": [("beyond = float(", "beyond = -float(")],
     # Held parts
     "Tray.cones": [
         ("(1 - 1 / self.safety) * weight", "0.0"),

@@ -176,7 +176,10 @@ def test_a_stretch_ends_beyond_its_last_point(seam):
     assert "outside the end of a stretch" in condition.coverage
 
 
-@pytest.mark.parametrize(("late", "failed"), [(-RADIUS / 2, []), (RADIUS / 2, ["tool_speed"])])
+@pytest.mark.parametrize(
+    ("late", "failed"),
+    [(-RADIUS / 2, []), (-1e-5, []), (1e-5, ["tool_speed"]), (RADIUS / 2, ["tool_speed"])],
+)
 def test_a_band_holds_from_the_first_point_on(seam, late, failed):
     """The tool is in both capsules for 10 mm beside the point; only those before it are free."""
     f = np.linspace(0, 1, 1001)
