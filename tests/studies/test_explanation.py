@@ -330,6 +330,7 @@ def test_the_radius_about_a_point_out_of_reach_is_found(tmp_path):
 
 
 @pytest.mark.slow  # plans for a UR5 with change after change
+@pytest.mark.study
 def test_a_sign_that_keeps_a_ur5_on_one_side_is_freed():
     name, kept = (
         "example:ur5/over_the_wall",

@@ -236,6 +236,7 @@ def test_rows_say_how_many_runs_failed(field_swept):
 
 
 @pytest.mark.slow  # plans motions that survive errors of the arm, twice
+@pytest.mark.study
 def test_an_error_of_the_arm_is_varied_like_any_field():
     (row,) = sweep_field(PROBLEM, "robustness.mass", [0.02], options=FAST).rows
     robust = plan(load_problem(PROBLEM, changes={"robustness.mass": 0.02}), FAST.shortest)
