@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from cases import study_but
 
 import metamorphic
 from campaign_problems import write
@@ -90,8 +91,8 @@ def test_a_solution_of_the_base_solves_every_variant_and_equal_ones_ask_as_much(
                 assert margins[name][key] == pytest.approx(scaled, abs=1e-6), name
 
 
-@pytest.mark.dear("plans two to four problems of each of ten families")
-@pytest.mark.parametrize(("seed", "names"), FAMILIES.items())
+# Plans two to four problems of each of ten families: 1 to 2 s each.
+@pytest.mark.parametrize(("seed", "names"), study_but([*FAMILIES.items()][:4], FAMILIES.items()))
 def test_equal_problems_are_planned_equally_fast_and_looser_ones_never_slower(base, seed, names):
     built = base(seed)
     answers = {}
