@@ -352,11 +352,10 @@ class _Fit:
             low, high = time[changes + 1 - step], time[changes + 1]
             segments = best[np.append(changes, len(best) - 1)]
         times = self.best_times((segments[:-1], segments[1:]), low, high)
-        # Refined on their own, switching times that share an instant could swap.
-        times = np.maximum.accumulate([0.0, *times, self._trajectory.duration]).tolist()
+        ends = pairwise([0.0, *times.tolist(), self._trajectory.duration])
         return [
             Visit(segment, begin, end)
-            for segment, (begin, end) in zip(segments.tolist(), pairwise(times), strict=True)
+            for segment, (begin, end) in zip(segments.tolist(), ends, strict=True)
         ]
 
     def passing_margin(self, k: int, time: FloatArray) -> FloatArray:
@@ -401,7 +400,7 @@ class _Fit:
             high: Ends of the intervals, shape (H,) [s].
 
         Returns:
-            Shape (H,) [s].
+            In order, shape (H,) [s].
         """
 
         def worse(time: FloatArray) -> FloatArray:
@@ -424,7 +423,12 @@ class _Fit:
         candidates = np.array([low, high, _highest(worse, low, high)])
         best = np.array([worse(time) for time in candidates]).argmax(axis=0)
         times: FloatArray = candidates[best, np.arange(len(low))]
-        return times
+        # Refined on their own, switching times that share an instant could swap: then they share
+        # the later one or the earlier one.
+        later, earlier = np.maximum.accumulate(times), np.minimum.accumulate(times[::-1])[::-1]
+        if (later == earlier).all():
+            return times
+        return max((later, earlier), key=lambda each: float(worse(each).min()))
 
 
 def _highest(
