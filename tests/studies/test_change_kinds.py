@@ -460,13 +460,16 @@ BANDED = [{"speed": 0.2, "tolerance": 0.05}, {"between": [0.1, 0.3]}, 0.5]
 def test_bands_are_slowed_left_to_the_joints_or_bend_wider():
     """An upper limit beside them stays; of both segments at a point the radius is widened."""
     question = asked({"tube.tool_speed": BANDED, "tube.radius": [0.03, 0.05, 0.05]})
-    slower, best, bend = band_changes(question)
+    slower, wider, best, bend = band_changes(question)
     assert (slower.field, best.field) == ("tube.tool_speed", "tube.process.steady")
     proposal = slower.propose(0.25)
     assert proposal.text == "bands of tool_speed times 0.75"
     after = [{"speed": 0.15, "tolerance": 0.05}, {"between": [0.075, 0.225]}, 0.5]
     assert proposal.changes == {"tube.tool_speed": after}
     assert best.propose(1.0).changes == {"tube.process.steady": "best"}
+    lower = [{"between": [0.08, 0.2]}, {"between": [0.08, 0.3]}, 0.5]
+    assert wider.propose(0.02).changes == {"tube.tool_speed": lower}
+    assert wider.propose(0.02).text == "bands of tool_speed from 0.08 m/s"
     assert bend.about == {"point 1"}
     assert bend.propose(0.03).text == "segments 0 and 1: radius 30 -> 60 mm"
     assert bend.propose(0.03).changes == {"tube.radius": [0.06, 0.06, 0.05]}

@@ -23,7 +23,8 @@ from tubeplanner.trajectory.reader import read_trajectory
 PROBLEM, LINE = "example:two_link/paper_5_50mm", "example:two_link/paper_1_30mm"
 KEYS = (
     *("method", "kind", "status", "certified", "answered_by", "duration", "planning_time"),
-    *("failures", "smoothness", "peak_jerk", "peak_jerk_joint", "at_limit", "tube_use", "message"),
+    *("failures", "smoothness", "peak_jerk", "peak_jerk_joint", "at_limit", "tube_use", "in_band"),
+    "message",
 )
 
 
