@@ -38,7 +38,7 @@ def with_floors(
     tube = problem.tube
     process = replace(tube.process, steady="required" if is_required else "best")
     other = replace(tube, least_tool_speed=floor, process=process)
-    object.__setattr__(other, "parts", tube.parts)
+    vars(other).update(parts=tube.parts, part_points=tube.part_points)
     return replace(problem, tube=other)
 
 

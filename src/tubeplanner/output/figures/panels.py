@@ -286,7 +286,8 @@ def _label(curves: TrajectoryCurves, group: int, fraction: float) -> str:
     """Return the label of a visit to a group of segments that takes a fraction of the panel."""
     tube, step = curves.problem.tube, curves.segments_per_group
     first, last = group * step, min((group + 1) * step, tube.segment_count) - 1
-    number = str(first) if first == last else f"{first}-{last}"
+    begin, end = (tube.segment_number(k) for k in (first, last))
+    number = str(begin) if first == last else f"{begin}-{end}"
     sizes = [size_of(tube, k) for k in range(first, last + 1)]
     is_group = first < last
     if fraction <= (_LONG_LABEL if is_group else _SHORT_LABEL) or len(set(sizes)) > 1:

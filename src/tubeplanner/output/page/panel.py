@@ -227,7 +227,10 @@ def _segment_entries(problem: PlanningProblem) -> list[dict[str, str]]:
     kinds = ["box" if is_box else "radius" for is_box in tube.is_box]
     numbers = range(min(len(radii), _MAX_SEGMENTS_NAMED))
     entries = [
-        {"color": drawing.segment_color(k), "text": f"segment {k}: {kinds[k]} {size_of(tube, k)}"}
+        {
+            "color": drawing.segment_color(k),
+            "text": f"segment {tube.segment_number(k)}: {kinds[k]} {size_of(tube, k)}",
+        }
         for k in numbers
     ]
     if len(radii) > len(numbers):
@@ -430,7 +433,7 @@ def motion_timeline(
 
 def segment_bands(section: LimitedSection) -> list[dict[str, Any]]:
     """Return the times of the tool in each segment, or in groups of many segments."""
-    count = section.problem.tube.segment_count
+    tube, count = section.problem.tube, section.problem.tube.segment_count
     step = segments_per_group(count)
     time, group = section.uses.samples.time, section.uses.segment // step
     ends = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(time) - 1]
@@ -438,7 +441,8 @@ def segment_bands(section: LimitedSection) -> list[dict[str, Any]]:
     for a, b in pairwise(ends):
         number = int(group[a])
         first, last = number * step, min((number + 1) * step, count) - 1
-        name = f"segment {first}" if first == last else f"segments {first} to {last}"
+        own = [tube.segment_number(k) for k in (first, last)]
+        name = f"segment {own[0]}" if first == last else f"segments {own[0]} to {own[1]}"
         span = {"begin": float(time[a]), "end": float(time[b])}
         bands.append({"name": name, **span, "color": drawing.segment_color(number)})
     return bands
