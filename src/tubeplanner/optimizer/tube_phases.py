@@ -36,6 +36,10 @@ _MANY_CORNERS, _SHARP_KINK, _MAX_SHARP = 12, 0.1, 100
 _WINDOW = 3.0
 
 
+# A smaller turn is none [rad].
+_STRAIGHT = 1e-6
+
+
 def tube_chains(problem: PlanningProblem) -> tuple[range, ...]:
     """Return the segments of every phase, in order, all of the tube's."""
     tube = problem.tube
@@ -123,7 +127,7 @@ def turns_at_speed(problem: PlanningProblem) -> tuple[IntArray, FloatArray, Floa
         banded[first : last + 1] = True
     is_limited = np.isfinite(limit)
     at_speed = (is_limited[:-1] & is_limited[1:]) | banded[:-1] | banded[1:]
-    points = 1 + np.flatnonzero(at_speed & (angle > 0))
+    points = 1 + np.flatnonzero(at_speed & (angle > _STRAIGHT))
     angle, before, after = angle[points - 1], points - 1, points
     radius = np.minimum(tube.effective_radius[before], tube.effective_radius[after])
     length = np.linalg.norm(np.diff(tube.points, axis=0), axis=1)
