@@ -34,8 +34,6 @@ _MANY_CORNERS, _SHARP_KINK, _MAX_SHARP = 12, 0.1, 100
 # A turn counts as far as the path turns over this number of radii on both sides: noise turns back
 # at once.
 _WINDOW = 3.0
-
-
 # A smaller turn is none [rad].
 _STRAIGHT = 1e-6
 
