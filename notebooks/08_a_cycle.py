@@ -173,7 +173,7 @@ def joint_positions(robot, q):
     return np.vstack([position, robot.tool_position(q)])
 
 
-figure, axes = plt.subplots(1, 2, figsize=(12, 5), layout="constrained")
+figure, axes = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
 for motion, color in zip(motions.values(), ("C1", "C0"), strict=True):
     joints = joint_positions(tray.robot, motion.junctions[junction])
     tool = tray.robot.tool_position(motion.trajectory.sample(rate=200).position)
@@ -190,7 +190,7 @@ plt.show()
 # time go? The durations of the moves:
 
 # %%
-figure, axis = plt.subplots(figsize=(8, 4), layout="constrained")
+figure, axis = plt.subplots(figsize=(7, 3.2), layout="constrained")
 moves = list(result.motion.move_times)
 for k, (name, motion) in enumerate(motions.items()):
     durations = [end - begin for begin, end in motion.move_times.values()]
