@@ -1,12 +1,13 @@
 """Bands that joints cannot hold: refused by formula, with remedies that help; steady: best."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from gantry import gantry
 
-from tubeplanner import PlanOptions, load_problem, plan
+from tubeplanner import Objective, PlanOptions, load_problem, plan
 from tubeplanner.errors import OptionError
 from tubeplanner.outcome import PlanningClock
 from tubeplanner.planning.steady_plans import steadiest_plan
@@ -100,3 +101,23 @@ def test_other_methods_are_refused_by_name(tmp_path, method):
     problem = _corner(tmp_path, 0.7 * HELD, 0.9 * HELD)
     with pytest.raises(OptionError, match=f"method '{method}' keeps no bands of tube.tool_speed"):
         plan(problem, PlanOptions(method=method))
+
+
+@pytest.mark.parametrize(("longer", "is_in_band"), [(1.01, True), (1.5, False)])
+def test_a_motion_is_run_slower_as_far_as_its_bands_hold(tmp_path, monkeypatch, longer, is_in_band):
+    """Where the second stage finds no motion in the duration."""
+    problem = _corner(tmp_path, 0.9 * HELD / 1.2, HELD / 1.2)
+    shortest = plan(problem, SHORTEST)
+    monkeypatch.setattr(
+        "tubeplanner.planning.second_stage.second_stage_plan",
+        lambda problem, shortest, *others: shortest,
+    )
+    duration = longer * shortest.duration
+    result = plan(replace(problem, objective=Objective(duration=duration)))
+    assert result.succeeded is is_in_band
+    if is_in_band:
+        assert result.duration == pytest.approx(duration, rel=1e-9)
+        assert f"run slower, to last the required {duration:g} s" in result.notes[-1]
+    else:
+        most = shortest.duration / shortest.certificate.from_speed
+        assert f"keeps them, run slower, up to {most:.6g} s; give" in result.message

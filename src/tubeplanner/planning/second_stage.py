@@ -6,6 +6,7 @@ from math import ceil, floor
 
 import numpy as np
 
+from tubeplanner.certificate.verification import longest_duration
 from tubeplanner.limits.peaks import EffortCosts, effort_variation
 from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline
 from tubeplanner.optimizer.stages import Refinement, SecondStage
@@ -287,6 +288,19 @@ def _in_duration(problem: PlanningProblem, answer: PlanResult, duration: float) 
         )
     if no_longer(duration, answer.duration):
         return answer
+    longest = longest_duration(problem, answer.trajectory)
+    if not no_longer(duration, longest):
+        return replace(
+            answer,
+            status=PlanStatus.NO_TRAJECTORY,
+            message=f"objective.duration is {duration:g} s; no motion in it was found that keeps "
+            "the bands of tube.tool_speed, and the one that was found keeps them, run slower, up "
+            f"to {longest:.6g} s; give {answer.duration:.6g} to {longest:.6g} s, or wider bands",
+            location=Location(),
+            trajectory=None,
+            shortest=answer.trajectory,
+            notes=(),
+        )
     note = f"the motion is run slower, to last the required {duration:g} s"
     slower = _run_in(problem, answer, duration, note)
     return replace(slower, shortest=answer.shortest or answer.trajectory)
