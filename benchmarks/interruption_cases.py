@@ -83,7 +83,7 @@ plan cycle:
   - cli.plan:plan_cycle
 view: [view PROBLEM MOTION HTML, a.html, cli.view:load_task_timed]
 plot: [plot PROBLEM MOTION -o OUT/a.svg, a.svg, cli.view:load_task_timed]
-info: [info PROBLEM PNG, a.png, cli.info:problem_info]
+info: [info PROBLEM PNG, a.png, cli.contents:problem_info]
 simulate:
   - simulate PROBLEM MOTION --runs 3 PNG HTML
   - a.png a.html

@@ -1,4 +1,4 @@
-"""Search for robots, problems, presets and meshes on this machine.
+"""Search for robots, problems, presets and meshes on this machine; the user's cache folder.
 
 `example:` names come first from the robots bundled with this package, then from the installed
 distribution example-robot-data.
@@ -21,6 +21,7 @@ from tubeplanner.errors import ProblemError, RobotError, shown, unknown_name
 PackageDirs: TypeAlias = tuple[Path | tuple[str, Path], ...]
 GivenPackageDirs: TypeAlias = Sequence[str | Path] | Mapping[str, str | Path]
 EXAMPLE_PREFIX = "example:"
+CACHE_VARIABLE = "TUBEPLANNER_CACHE"  # a folder, or "off"
 _PACKAGE_PREFIX = "package://"
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
 _URI = re.compile(_SCHEME.pattern + "/")  # without the slash it may be the name of a file
@@ -101,6 +102,19 @@ def example_robot_names() -> list[str]:
     """Return every NAME for which `example:NAME` has a URDF on this machine."""
     installed = {name for name in _example_robots() if _example_robot_path(name).is_file()}
     return sorted({*bundled_robots(), *installed})
+
+
+def cache_folder() -> Path | None:
+    """Return the folder for what is computed from meshes; None: nothing is kept."""
+    variable = os.environ.get(CACHE_VARIABLE)
+    if variable == "off":
+        return None
+    if variable:
+        return Path(variable)
+    import platformdirs
+
+    folder = platformdirs.user_cache_path("tubeplanner", appauthor=False)
+    return folder if folder.is_absolute() else None  # of a user without a home, it begins with ~
 
 
 def find_problem(name: str | Path, directory: Path) -> Path:

@@ -8,8 +8,7 @@ from small_cycle import SMALL
 from studied import Here
 
 from tubeplanner.cli import compare as comparison_report
-from tubeplanner.cli import console
-from tubeplanner.cli import info as info_command
+from tubeplanner.cli import console, contents
 from tubeplanner.cli import place as place_command
 from tubeplanner.cli import plan as plan_outputs
 from tubeplanner.cli import reproduce as reproduce_command
@@ -21,7 +20,7 @@ from tubeplanner.output.figures import figure_files
 
 PNG = b"\x89PNG"
 DRAWING = (
-    *(comparison_report, info_command, place_command, plan_outputs, reproduce_command),
+    *(comparison_report, contents, place_command, plan_outputs, reproduce_command),
     *(simulate_command, study_command, study_commands, view_command),
 )
 

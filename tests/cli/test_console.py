@@ -207,7 +207,7 @@ def test_from_the_writing_on_an_interrupt_ends_nothing(tmp_path):
     ("words", "spoiled"),
     [
         ("view {motion} --html", "tubeplanner.output.page.viewer.page_html"),
-        ("info --plot", "tubeplanner.cli.info.figure_file"),
+        ("info --plot", "tubeplanner.cli.contents.figure_file"),
     ],
 )
 def test_what_a_library_drew_that_swallowed_an_interrupt_is_not_written(

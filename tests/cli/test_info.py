@@ -1,12 +1,18 @@
-"""`info`: contents and gaps of a robot, problem or cycle; `links`: how closely they are covered."""
+"""`info`: a robot, problem or cycle; the installation; `links`: how closely they are covered."""
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 from arms import axle, opened
 
-from tubeplanner.cli.info import task_text
+import tubeplanner
+from tubeplanner.cli import info
+from tubeplanner.cli.contents import task_text
+from tubeplanner.cli.info import installation
+from tubeplanner.native.library import LIBRARY
 from tubeplanner.task.field_changes import parse_change
 from tubeplanner.task.info import problem_info
 
@@ -232,3 +238,42 @@ def test_links_are_listed_with_what_their_covers_stand_off(run, run_json):
 def test_meshes_are_measured(run_json):
     listed = run_json("links", "example:ur5/over_the_wall")[1]["links"]
     assert any(each["outer_error"] > 1e-3 for each in listed)
+
+
+# ---- Without an argument: the installation.
+
+
+def test_the_installation_is_described(run, run_json, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("TUBEPLANNER_CACHE", str(tmp_path / "covers"))
+    monkeypatch.setenv("TUBEPLANNER_PURE", "")
+    monkeypatch.setattr(info, "REQUIREMENTS", {"simulate": "no-such-thing>=3"})
+    status, fields = run_json("info")
+    assert (status, fields["status"]) == (0, "success")
+    page = (Path(__file__).parents[2] / "docs/reference/json_output.md").read_text()
+    assert all(f"`{key}`" in page for key in fields)
+    assert (fields["version"], fields["build"]) == (tubeplanner.__version__, LIBRARY.build)
+    assert fields["cache"] == fields["environment"]["TUBEPLANNER_CACHE"] == "~/covers"
+    assert fields["required"]["numpy"] == np.__version__
+    assert fields["optional"] == {"no-such-thing": None}
+    text = run("info")[1]
+    assert str(tmp_path) not in text
+    assert "optional: no-such-thing not found" in text
+    assert text.splitlines()[0] == f"tubeplanner {tubeplanner.__version__}, {LIBRARY.build}"
+
+
+def test_an_installed_package_names_its_requirements_as_the_checkout_does(monkeypatch, tmp_path):
+    in_checkout = installation()["required"]
+    lines = [*in_checkout, "ezdxf>=1.3; extra == 'dxf'", "drake>=1.51 ; extra == 'bench'"]
+    monkeypatch.setattr("importlib.metadata.requires", lambda name: lines)
+    monkeypatch.setattr(info, "_PROJECT", tmp_path / "pyproject.toml")
+    assert installation()["required"] == in_checkout
+
+
+@pytest.mark.parametrize(
+    "option", ["--tool-frame a", "--package-dir a", "--xacro-arg a=1", "--plot a.png", "--set a=1"]
+)
+def test_the_installation_has_no_options_of_a_robot(run, option):
+    status, _, error = run("info", *option.split())
+    assert status == 2
+    assert f"{option.split()[0]} is for a robot or a problem; name one" in error

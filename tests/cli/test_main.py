@@ -256,7 +256,7 @@ def test_a_picture_costs_no_trajectory(run, run_json, tmp_path, monkeypatch):
     assert status == 2 and json_path.exists() and csv_path.exists() and not plot.exists()
     assert out.endswith(f"trajectory: {json_path}\nCSV: {csv_path}\n")
     reason = f"output {plot} could not be made: internal error, please report it with the problem "
-    reason += "file: ZeroDivisionError: oops"
+    reason += "file and what `tubeplanner info` prints: ZeroDivisionError: oops"
     assert err == f"tubeplanner: {reason}; saved: trajectory {json_path}, CSV {csv_path}\n"
     status, fields = run_json(*words)
     assert (status, fields["status"], fields["certificate"]["passed"]) == (2, "bad_input", True)

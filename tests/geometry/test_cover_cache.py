@@ -10,14 +10,15 @@ import trimesh
 from arms import axle
 
 from tubeplanner.geometry.collision_checker import CollisionChecker, link_covers
-from tubeplanner.geometry.meshes import VARIABLE, MeshFile, cache_folder
+from tubeplanner.geometry.meshes import MeshFile
+from tubeplanner.resources import CACHE_VARIABLE, cache_folder
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """An empty folder for the cache."""
     position = tmp_path / "cache"
-    monkeypatch.setenv(VARIABLE, str(position))
+    monkeypatch.setenv(CACHE_VARIABLE, str(position))
     return position
 
 
@@ -75,7 +76,7 @@ def test_an_arm_is_the_same_with_a_cold_warm_broken_and_no_cache(folder, tmp_pat
     for entry in folder.iterdir():
         entry.write_bytes(entry.read_bytes()[:-1])
     broken = CollisionChecker(arm)
-    monkeypatch.setenv(VARIABLE, "off")
+    monkeypatch.setenv(CACHE_VARIABLE, "off")
     assert cold.closer_covers
     for other in (warm, broken, CollisionChecker(arm)):
         assert_same([each.shape for each in cold.shapes], [each.shape for each in other.shapes])
@@ -110,12 +111,12 @@ def test_a_folder_or_an_entry_of_something_else_in_the_place_of_an_entry_is_no_e
 def test_the_folder_is_the_users_unless_there_is_none_or_it_is_switched_off(
     ring, monkeypatch, tmp_path
 ):
-    monkeypatch.delenv(VARIABLE)
+    monkeypatch.delenv(CACHE_VARIABLE)
     for path, expected in ((tmp_path / "none", tmp_path / "none"), (Path("~/.cache"), None)):
         monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, path=path, **__: path)
         assert cache_folder() == expected
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, **__: tmp_path / "none")
-    monkeypatch.setenv(VARIABLE, "off")
+    monkeypatch.setenv(CACHE_VARIABLE, "off")
     assert cache_folder() is None
     ring().cover()
     assert not (tmp_path / "none").exists()
@@ -153,5 +154,5 @@ def test_what_a_killed_process_or_a_write_that_fails_left_is_removed(folder, rin
 def test_a_folder_that_cannot_be_made_is_no_error(ring, monkeypatch, tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")
-    monkeypatch.setenv(VARIABLE, str(blocked / "cache"))
+    monkeypatch.setenv(CACHE_VARIABLE, str(blocked / "cache"))
     assert ring().cover()

@@ -15,8 +15,8 @@ from tubeplanner import LimitOverrides
 from tubeplanner.errors import RobotError
 from tubeplanner.geometry.collision_checker import CollisionChecker, link_covers
 from tubeplanner.geometry.link_geometry import link_elements, link_parts, link_shapes
-from tubeplanner.geometry.meshes import VARIABLE, cover_mesh
-from tubeplanner.resources import find_mesh
+from tubeplanner.geometry.meshes import cover_mesh
+from tubeplanner.resources import CACHE_VARIABLE, find_mesh
 
 ARM = solid('<box size="0.1 0.2 0.3"/>', '<origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/>')
 ARM += solid('<sphere radius="0.4"/>') + solid('<cylinder radius="0.5" length="0.6"/>')
@@ -35,7 +35,7 @@ EXPECTED = [
 
 @pytest.fixture
 def robot(tmp_path, monkeypatch):
-    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     limits = LimitOverrides(effort={"j": np.inf})
     parts = link("base", ""), link("arm", ARM), joint("j", "base", "arm")
     return loaded(tmp_path, *parts, tool="arm", limits=limits)

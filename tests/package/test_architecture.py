@@ -110,6 +110,13 @@ def test_the_command_line_starts_without_numpy():
     assert "numpy" not in loaded
 
 
+@pytest.mark.dear("a process describes the installation")
+def test_the_installation_is_described_without_its_dependencies():
+    (loaded,) = loaded_after("from tubeplanner.cli.main import main; assert main(['info']) == 0")
+    never = {"pinocchio", "coal", "fcl", "scipy", "trimesh", "rich", "matplotlib", "piqp"}
+    assert loaded & never == set()
+
+
 def test_every_public_name_exists_and_is_seen_by_dir():
     assert dir(tubeplanner) == tubeplanner.__all__
     assert "__version__" in tubeplanner.__all__

@@ -356,7 +356,8 @@ def write_answer(*outputs: Output, folder: Path | None = None) -> None:
 def internal_error(error: Exception) -> str:
     """Return the message for an error of this package itself."""
     kind = type(error).__name__
-    return f"internal error, please report it with the problem file: {kind}: {error}"
+    report = "please report it with the problem file and what `tubeplanner info` prints"
+    return f"internal error, {report}: {kind}: {error}"
 
 
 def unless_failed(path: Path | None) -> Path | None:

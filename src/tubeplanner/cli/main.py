@@ -128,8 +128,8 @@ _OWN = [
     "sweep",
     "view",
 ]
-_SHARED = {"links": "info", "plot": "view", "measure": "tubes", "route": "tubes", "teach": "tubes"}
-_SHARED |= {"import": "imports"}
+_SHARED = {"plot": "view", "measure": "tubes", "route": "tubes", "teach": "tubes"}
+_SHARED |= {"import": "imports", "links": "contents"}
 _MODULES = {name: name for name in _OWN} | _SHARED
 
 

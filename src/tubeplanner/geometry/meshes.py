@@ -5,7 +5,6 @@ Readers of meshes open whatever a mesh names, materials and textures, also what 
 
 import hashlib
 import io
-import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import platformdirs
 
 from tubeplanner import __version__
 from tubeplanner.arrays import FloatArray, IntArray, read_only
@@ -24,6 +22,7 @@ from tubeplanner.errors import RobotError, shown
 from tubeplanner.geometry.convex_shapes import ConvexShape, Thinning, convex_hull, hull
 from tubeplanner.geometry.fine_covers import OUTER_ERROR, Cover, cover_error, fine_cover
 from tubeplanner.geometry.mesh_solids import MeshSolid
+from tubeplanner.resources import cache_folder
 from tubeplanner.writing import StagedFile, signals_held
 
 if TYPE_CHECKING:
@@ -199,23 +198,11 @@ def _volume(shapes: list[ConvexShape]) -> float:
 # an entry begins with a hash of its name and content, so that a damaged entry is never used. An
 # entry that cannot be read or written is computed again: the cache changes times, never answers.
 
-VARIABLE = "TUBEPLANNER_CACHE"  # a folder, or "off"
 # Part of every name: with another number, entries made by other code are not found any more.
 _FORMAT = f"{__version__}-5"
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
 Arrays = dict[str, np.ndarray]
-
-
-def cache_folder() -> Path | None:
-    """Return the folder of the cache, or None without a cache."""
-    variable = os.environ.get(VARIABLE)
-    if variable == "off":
-        return None
-    if variable:
-        return Path(variable)
-    folder = platformdirs.user_cache_path("tubeplanner", appauthor=False)
-    return folder if folder.is_absolute() else None  # of a user without a home, it begins with ~
 
 
 def content_hash(parts: Iterable[bytes | str | np.ndarray]) -> str:

@@ -26,7 +26,7 @@ from tubeplanner.errors import OptionError
 # `if __name__ == "__main__"` is needed.
 
 _R = TypeVar("_R")
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 _PROGRAM = """import sys
 sys.path[:] = {path!r}
 from tubeplanner.studies.worker_processes import serve
@@ -217,7 +217,7 @@ class _Worker:
                 [sys.executable, "-c", program],
                 stdin=subprocess.DEVNULL,
                 pass_fds=[other.fileno()],
-                env={**os.environ, **dict.fromkeys(_THREADS, "1")},
+                env={**os.environ, **dict.fromkeys(THREADS, "1")},
                 start_new_session=True,  # Ctrl-C is the parent's
             )
 
