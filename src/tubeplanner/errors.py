@@ -100,8 +100,10 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
 
 # By the name of the extra in pyproject.toml.
 REQUIREMENTS = {
+    "compare": "toppra>=0.6.3",
     "dask": "distributed>=2024.1",
     "dxf": "ezdxf>=1.3",
+    "meshes": "trimesh[easy]>=4.4",
     "simulate": "mujoco>=3.2.7",
     "xacro": "xacro>=2.1",
 }

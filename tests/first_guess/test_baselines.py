@@ -1,5 +1,8 @@
 """The schemes of old against the paper's numbers, theory, and what each of them promises."""
 
+import sys
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cases import one_joint
@@ -122,6 +125,23 @@ def test_bounded_deviation_stays_within_it(judged):
     assert set(certificate.failures()) == SMOOTHNESS
     assert 0 < certificate.conditions["tube"].margin < 0.9 * problem.tube.radius[0]
     assert len(made.trajectory.coefficients) == 3
+
+
+def test_the_answer_is_the_same_without_toppra_and_says_what_is_missing(slider, monkeypatch):
+    compared, _ = judged_baseline(slider, "bang-bang")
+    duration = f"{2 * np.sqrt(0.6 * 2.0 / 10.0):.4f} s"
+    assert f" from {duration}, " in compared.note
+    assert compared.note.endswith(f"; TOPP-RA itself: {duration}")
+    monkeypatch.setitem(sys.modules, "toppra", None)
+    alone, _ = judged_baseline(slider, "bang-bang")
+    assert "takes toppra, which is not installed: pip install " in alone.note
+    assert (alone.trajectory.coefficients == compared.trajectory.coefficients).all()
+
+
+def test_toppra_has_no_answer_where_limits_have_cones(slider):
+    limits = replace(slider.robot.limits, tool_acceleration=1.0)
+    limited = replace(slider, robot=slider.robot.with_limits(limits, slider.robot.motors))
+    assert judged_baseline(limited, "bang-bang")[0].note.endswith("TOPP-RA itself has no answer")
 
 
 @pytest.mark.parametrize("scheme", BASELINES)

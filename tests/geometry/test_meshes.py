@@ -2,9 +2,11 @@
 
 import os
 import struct
+import sys
 
 import numpy as np
 import pytest
+import trimesh
 from cases import refusal
 
 from tubeplanner import Obstacle, ProblemError, placement_of
@@ -105,6 +107,19 @@ def test_what_is_no_solid_is_refused_by_name(tmp_path, name):
         Obstacle.mesh("part", path, placement_of())
     assert str(caught.value).startswith(f"obstacle 'part': mesh {path} ")
     assert "export it again" in str(caught.value)
+
+
+def test_a_format_that_takes_another_package_names_the_extra(tmp_path, monkeypatch):
+    path = tmp_path / "part.3mf"
+    path.write_bytes(trimesh.creation.box().export(file_type="3mf"))
+    assert len(load_mesh("obstacle 'part'", path).faces) == 12
+
+    def load(*_, **options):
+        raise ModuleNotFoundError("No module named 'networkx'")
+
+    monkeypatch.setattr(trimesh, "load", load)
+    with pytest.raises(RobotError, match=r"reading 3MF takes .*\[meshes\].* or export .* as STL$"):
+        load_mesh("obstacle 'part'", path)
 
 
 def test_a_scale_that_leads_too_far_is_refused(tmp_path):

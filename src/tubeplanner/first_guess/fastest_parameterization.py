@@ -234,7 +234,7 @@ def fastest_parameterization(
         at_both_ends: Whether every step keeps the limits at its end too, not only at its begin. The
             time parameterization is up to 1 % slower then, but exceeds limits in between by less
             than 0.1 % of the time, rather than by up to 19 % (two links round an arc).
-        by_toppra: Whether the library toppra solves, if no limit has cones.
+        by_toppra: Whether the library toppra solves, of the extra `compare`; cones it cannot take.
 
     Returns:
         The arc length over time, one parabola per step; None if the solver finds none.
@@ -248,7 +248,9 @@ def fastest_parameterization(
     rows = list(path_rows(problem, path, arc_length, limits)[: 1 + at_both_ends])
     most = _largest_rates(problem, path, arc_length)
     has_speed, has_cones = rows[0].speed.any(), rows[0].cones.size > 0
-    solve = _by_toppra if by_toppra and not has_cones else _fastest_rates
+    solve = _by_toppra if by_toppra else _fastest_rates
+    if by_toppra and has_cones:
+        return None
     rows = [each.inside_cones() for each in rows]
 
     def solved(rate: FloatArray | None) -> FloatArray | None:

@@ -18,7 +18,7 @@ import numpy as np
 from tubeplanner import __version__
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.documents import DocumentError, read_bytes, require_regular
-from tubeplanner.errors import RobotError, shown
+from tubeplanner.errors import RobotError, not_installed, shown
 from tubeplanner.geometry.convex_shapes import ConvexShape, Thinning, convex_hull, hull
 from tubeplanner.geometry.fine_covers import OUTER_ERROR, Cover, cover_error, fine_cover
 from tubeplanner.geometry.mesh_solids import MeshSolid
@@ -81,10 +81,8 @@ def load_mesh(
     except DocumentError as error:
         raise RobotError(f"{owner}: mesh {path} cannot be read: {error}") from None
     except ModuleNotFoundError as error:
-        raise RobotError(
-            f"{owner}: mesh {path}: reading {path.suffix[1:].upper()} takes a Python package that "
-            f"is not installed ({error}); install it, or export the mesh as STL"
-        ) from error
+        missing = not_installed("meshes", f"reading {path.suffix[1:].upper()}", "trimesh[easy]")
+        raise RobotError(f"{owner}: mesh {path}: {missing}, or export the mesh as STL") from error
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries raise
         raise RobotError(
             f"{owner}: mesh {path} is no readable {path.suffix[1:].upper()} file; export it "
