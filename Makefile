@@ -19,7 +19,7 @@ CHEAP := -m "not slow and not dear"
 NOTEBOOKS := $(patsubst %.py,%.ipynb,$(shell ls -r notebooks/*.py))
 
 .PHONY: demo test quick test-slow test-all test-processors test-pure study trajectories
-.PHONY: lint style types layers notebooks check-notebooks docs gallery wheel clean
+.PHONY: lint style types layers lint-repo notebooks check-notebooks docs gallery wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
@@ -69,6 +69,11 @@ types: $(VENV)/.installed-test
 
 layers: $(VENV)/.installed-test
 	$(BIN)/lint-imports --no-cache --no-logo
+
+# Workflow files, forms, the recipe for conda and the hygiene of all files, by what
+# .pre-commit-config.yaml lists; ruff and mypy again.
+lint-repo: $(VENV)/.installed-test $(VENV)/.installed-lint
+	$(BIN)/pre-commit run --all-files --show-diff-on-failure
 
 # Every script in notebooks runs from its first cell to its last and becomes a notebook with results.
 # One alone: make notebooks/NAME.ipynb.
@@ -127,6 +132,10 @@ $(VENV)/.installed-notebooks: pyproject.toml $(VENV)/.installed
 
 $(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	touch $@
+
+$(VENV)/.installed-lint: | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet 'pre-commit>=4.4'
 	touch $@
 
 # All of these by one resolution and one build, for CI. The package's stamp is the oldest, as the
