@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -14,24 +15,31 @@ class NativeBuildHook(BuildHookInterface):
 
     def dependencies(self) -> list[str]:
         """Return what the build needs from the package index."""
-        return ["ziglang"] if os.environ.get("TUBEPLANNER_BUILD") == "zig" else []
+        is_by_zig = os.environ.get("TUBEPLANNER_BUILD") == "zig"
+        return ["ziglang"] if is_by_zig or os.environ.get("TUBEPLANNER_TARGET") else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile; a build without a compiler is one of Python alone, and says so."""
         module = _build_module(Path(self.root))
+        # A wheel may be for another platform: it leaves the checkout's own library alone.
+        self._folder = tempfile.TemporaryDirectory()
+        folder = module.FOLDER if version == "editable" else Path(self._folder.name)
         try:
-            built = module.build()
+            built = module.build(folder)
         except RuntimeError as error:
-            if os.environ.get("TUBEPLANNER_BUILD"):
+            if any(os.environ.get(f"TUBEPLANNER_{name}") for name in ("BUILD", "TARGET")):
                 raise
             self.app.display_warning(f"The native library is left out:\n{error}")
             built = []
         if not built:
-            self.app.display_warning("tubeplanner is installed without its native library")
+            reason = "Windows" if sys.platform == "win32" else "no C++ compiler"
+            message = f"tubeplanner is built without its native library ({reason}): Python alone"
+            self.app.display_warning(message)
             return
-        build_data["artifacts"] += [f"/{path.relative_to(self.root)}" for path in built]
+        for path in built if version != "editable" else ():
+            build_data["force_include"][str(path)] = f"tubeplanner/native/{path.name}"
         build_data["pure_python"] = False
-        build_data["tag"] = f"py3-none-{_platform_tag()}"
+        build_data["tag"] = f"py3-none-{module.platform_tag()}"
 
 
 def _build_module(root: Path) -> Any:
@@ -43,10 +51,3 @@ def _build_module(root: Path) -> Any:
     sys.modules[specification.name] = module
     specification.loader.exec_module(module)
     return module
-
-
-def _platform_tag() -> str:
-    """Return the tag of the platform that compiled code runs on."""
-    from packaging.tags import sys_tags
-
-    return next(tag.platform for tag in sys_tags() if not tag.platform.startswith("manylinux"))

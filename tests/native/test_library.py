@@ -14,7 +14,7 @@ import pytest
 from native_exports import exports
 
 from tubeplanner.native import library
-from tubeplanner.native.build import LEVELS, SOURCES, compiler, library_path, source_key
+from tubeplanner.native.build import SOURCES, compiler, levels, library_path, source_key
 from tubeplanner.native.library import LIBRARY, Bytes, Doubles, Integers, NativeLibrary
 
 IS_BUILT = pytest.mark.skipif(not library_path("baseline").exists(), reason="it is not built")
@@ -53,14 +53,14 @@ def test_the_environment_leaves_it_out(value, is_left_out, monkeypatch):
 @IS_BUILT
 def test_the_newest_level_that_the_processor_runs_is_loaded(monkeypatch):
     baseline = ctypes.CDLL(str(library_path("baseline")))
-    expected = LEVELS[-1] if baseline.tubeplanner_runs_v3() else "baseline"
+    expected = levels()[-1] if baseline.tubeplanner_runs_v3() else "baseline"
     assert re.fullmatch(rf"native \(\S+, {expected}\)", loaded(monkeypatch).build)
     older = loaded(monkeypatch, TUBEPLANNER_BASELINE="1")
     assert re.fullmatch(r"native \(\S+, baseline\)", older.build)
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/cpuinfo"), reason="the system does not tell")
-@pytest.mark.skipif("x86-64-v3" not in LEVELS, reason="of another kind")
+@pytest.mark.skipif("x86-64-v3" not in levels(), reason="of another kind")
 @IS_BUILT
 def test_the_processor_is_asked_as_the_system_does():
     with open("/proc/cpuinfo") as file:
@@ -81,7 +81,7 @@ def test_changed_sources_leave_it_out_and_name_the_command(monkeypatch):
 @IS_BUILT
 def test_the_library_of_another_level_must_be_of_these_sources_too(monkeypatch, tmp_path):
     elsewhere(monkeypatch, tmp_path)
-    for level in LEVELS:
+    for level in levels():
         data = library_path(level).read_bytes()
         if level != "baseline":
             data = data.replace(source_key().encode(), b"0" * 16)

@@ -9,19 +9,17 @@ needs a library, so that a build can run it before there are any.
 import hashlib
 import os
 import platform
+import re
 import shlex
 import shutil
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Mapping
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
 SOURCES = FOLDER / "sources"
-# The processors that a library is built for. The loader takes the last that runs.
-LEVELS: tuple[str, ...] = ("baseline",)
-if platform.machine().lower() in ("x86_64", "amd64"):
-    LEVELS = ("baseline", "x86-64-v3")
 _FLAGS = (
     "-std=c++17",
     "-O3",
@@ -38,27 +36,93 @@ _COMPILERS = ("c++", "g++", "clang++")
 
 
 def compiler(environment: Mapping[str, str] = os.environ) -> tuple[str, ...] | None:
-    """Return the command of the C++ compiler; None without a compiler.
+    """Return the command of the C++ compiler; None without a compiler, and on Windows.
 
     Args:
         environment: TUBEPLANNER_BUILD is "zig" for the compiler of the package ziglang, "none" for
-            no compiler; else CXX names it, and else it is the first of c++, g++ and clang++ on the
-            path.
+            no compiler, "required" to fail without one; TUBEPLANNER_TARGET names another platform,
+            for which ziglang compiles; else CXX names the compiler, and else it is the first of
+            c++, g++ and clang++ on the path.
 
     Raises:
+        RuntimeError: TUBEPLANNER_BUILD is "required" or "zig", and there is no compiler.
         ValueError: TUBEPLANNER_BUILD has another value.
     """
     value = environment.get("TUBEPLANNER_BUILD", "")
-    if value == "zig":
-        return (sys.executable, "-m", "ziglang", "c++")
+    if value not in ("", "zig", "none", "required"):
+        message = "give zig, none or required, or do not set it"
+        raise ValueError(f"TUBEPLANNER_BUILD is {value!r}; {message}")
     if value == "none":
         return None
-    if value:
-        raise ValueError(f"TUBEPLANNER_BUILD is {value!r}; give zig, none, or do not set it")
+    if sys.platform == "win32":
+        if value:
+            message = "no native library is built on Windows; do not set it for Python alone"
+            raise RuntimeError(f"TUBEPLANNER_BUILD is {value!r}, but {message}")
+        return None
+    if value == "zig" or environment.get("TUBEPLANNER_TARGET"):
+        return (sys.executable, "-m", "ziglang", "c++")
     if environment.get("CXX"):
         return tuple(shlex.split(environment["CXX"]))
     paths = filter(None, (shutil.which(name) for name in _COMPILERS))
-    return next(((path,) for path in paths), None)
+    command = next(((path,) for path in paths), None)
+    if command is None and value == "required":
+        message = f"none of {', '.join(_COMPILERS)} is on the path; install one, or set CXX"
+        raise RuntimeError(f"TUBEPLANNER_BUILD is 'required', but {message}")
+    return command
+
+
+def machines(environment: Mapping[str, str] = os.environ) -> tuple[str, ...]:
+    """Return the kinds of processors that code is for; several in macOS's universal code.
+
+    Args:
+        environment: TUBEPLANNER_TARGET, or else what cross builds set: ARCHFLAGS on macOS, or
+            _PYTHON_HOST_PLATFORM; without them it is the kind of this machine.
+    """
+    if target := environment.get("TUBEPLANNER_TARGET"):
+        return (target.split("-")[0],)
+    names = re.findall(r"-arch\s+(\S+)", environment.get("ARCHFLAGS", ""))
+    if sys.platform != "darwin" or not names:
+        host = environment.get("_PYTHON_HOST_PLATFORM") or platform.machine()
+        names = [host.lower().split("-")[-1].replace("amd64", "x86_64")]
+    return ("x86_64", "arm64") if "universal2" in names else tuple(names)
+
+
+def levels(environment: Mapping[str, str] = os.environ) -> tuple[str, ...]:
+    """Return the levels of processors that a library is built for; the loader prefers the last."""
+    return ("baseline", "x86-64-v3") if "x86_64" in machines(environment) else ("baseline",)
+
+
+def platform_tag(environment: Mapping[str, str] = os.environ) -> str:
+    """Return the wheel's tag of the platform that the library runs on.
+
+    Raises:
+        ValueError: TUBEPLANNER_TARGET names no version of glibc or macOS.
+    """
+    target, kinds = environment.get("TUBEPLANNER_TARGET"), machines(environment)
+    if not target and sys.platform != "darwin":
+        host = environment.get("_PYTHON_HOST_PLATFORM") or sysconfig.get_platform()
+        return re.sub(r"\W", "_", host)
+    match = re.fullmatch(
+        r"[^-]+-(linux-gnu|macos)\.(\d+)\.(\d+)",
+        target or f"this-macos.{macos_version(environment)}",
+    )
+    if match is None:
+        example = "aarch64-linux-gnu.2.28 or aarch64-macos.11.0"
+        raise ValueError(f"TUBEPLANNER_TARGET is {target!r}; give a platform such as {example}")
+    system, major, minor = match.groups()
+    if system == "linux-gnu":
+        return f"manylinux_{major}_{minor}_{kinds[0]}"
+    kind = "universal2" if len(set(kinds)) > 1 else kinds[0].replace("aarch64", "arm64")
+    return f"macosx_{major}_{0 if int(major) > 10 else minor}_{kind}"
+
+
+def macos_version(environment: Mapping[str, str] = os.environ) -> str:
+    """Return the oldest version of macOS that the library runs on, as in "11.0"."""
+    host = re.match(r"macosx-([\d.]+)", environment.get("_PYTHON_HOST_PLATFORM", ""))
+    configured = host[1] if host else sysconfig.get_config_var("MACOSX_DEPLOYMENT_TARGET")
+    version = environment.get("MACOSX_DEPLOYMENT_TARGET") or configured or "11.0"
+    major, minor = (*map(int, str(version).split(".")), 0)[:2]
+    return f"{max(major, 11)}.0" if machines(environment) == ("arm64",) else f"{major}.{minor}"
 
 
 def source_files() -> list[Path]:
@@ -85,12 +149,13 @@ def build(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) ->
 
     Raises:
         RuntimeError: The compiler does not start, or failed; the message is the compiler's.
+            Or it is required, and there is none.
     """
     command = compiler(environment)
     if command is None:
         return []
     built = []
-    for level in LEVELS:
+    for level in levels(environment):
         target = library_path(level, folder)
         partial = target.with_name(f".{target.name}.tmp")
         definitions = (
@@ -98,7 +163,7 @@ def build(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) ->
             f'-DTUBEPLANNER_LEVEL="{level}"',
             f'-DTUBEPLANNER_COMPILER="{_kind(command)}"',
         )
-        flags = (*_FLAGS, *_processor(command, level), *definitions)
+        flags = (*_FLAGS, *_processor(command, level, environment), *definitions)
         arguments = [*command, *flags, *map(str, source_files()), "-o", str(partial)]
         try:
             compilation = subprocess.run(arguments, capture_output=True, text=True)
@@ -113,11 +178,20 @@ def build(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) ->
     return built
 
 
-def _processor(command: tuple[str, ...], level: str) -> tuple[str, ...]:
-    """Return the compiler's flags for a level of processors."""
+def _processor(
+    command: tuple[str, ...], level: str, environment: Mapping[str, str]
+) -> tuple[str, ...]:
+    """Return the compiler's flags for a platform and a level of its processors."""
     if _kind(command) == "zig":  # its names are its own, and without one it takes this processor
-        return (f"-mcpu={level.replace('-', '_')}",)
-    return () if level == "baseline" else (f"-march={level}",)
+        target = environment.get("TUBEPLANNER_TARGET")
+        names = ("-target", target) if target else ()
+        return (*names, f"-mcpu={level.replace('-', '_')}")
+    march = () if level == "baseline" else (f"-march={level}",)
+    if sys.platform != "darwin":
+        return march
+    kinds = machines(environment) if level == "baseline" else ("x86_64",)
+    names = tuple(word for kind in kinds for word in ("-arch", kind))
+    return (*names, f"-mmacosx-version-min={macos_version(environment)}", *march)
 
 
 def _kind(command: tuple[str, ...]) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.native.build import LEVELS, library_path, source_key
+from tubeplanner.native.build import library_path, source_key
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class NativeLibrary:
         try:
             library = ctypes.CDLL(str(library_path("baseline")))
             is_newer = library.tubeplanner_runs_v3() and not os.environ.get("TUBEPLANNER_BASELINE")
-            if is_newer and "x86-64-v3" in LEVELS and library_path("x86-64-v3").exists():
+            if is_newer and library_path("x86-64-v3").exists():
                 library = ctypes.CDLL(str(library_path("x86-64-v3")))
             is_current = _text(library, "tubeplanner_sources") == source_key()
         except (OSError, AttributeError) as error:
