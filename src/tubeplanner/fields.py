@@ -62,10 +62,20 @@ def one_of(is_accepted: Callable[[Any], bool], kinds: str) -> BeforeValidator:
     return BeforeValidator(validated)
 
 
+FORMAT_VERSION = 1  # of problem, cycle, study and preset files
+
+
 def no_flag(value: object) -> object:
     """Raise if a number is true or false: in Python these are 1 and 0."""
     if isinstance(value, bool):
         raise ValueError("true and false are no numbers")
+    return value
+
+
+def known_version(value: object) -> object:
+    """Raise if a value is no version of a format that this package reads."""
+    if isinstance(value, bool) or value != FORMAT_VERSION:
+        raise ValueError(f"{FORMAT_VERSION} can be read; a newer tubeplanner may read it")
     return value
 
 
@@ -85,7 +95,7 @@ Vector: TypeAlias = tuple[Finite, Finite, Finite]
 Quaternion: TypeAlias = tuple[Finite, Finite, Finite, Finite]
 Range: TypeAlias = tuple[Number, Number]
 Flag: TypeAlias = Annotated[bool, Field(strict=True)]
-Version: TypeAlias = Annotated[Literal[1], BeforeValidator(no_flag)]
+Version: TypeAlias = Annotated[Literal[1], BeforeValidator(known_version)]
 
 
 # ---- Fields of dataclasses that files have too.
@@ -229,7 +239,9 @@ _REQUIREMENTS = {
 
 def _first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseModel]) -> str:
     """Return the message of a document's first fault: field, value and required value."""
-    faults, fault = error.errors(), _deepest(data, error)
+    faults = error.errors()
+    # In a file of another version, any other fault may be due to that.
+    fault = next((f for f in faults if f["loc"] == ("version",)), None) or _deepest(data, error)
     steps, kind = _steps(data, fault["loc"]), fault["type"]
     if kind == "extra_forbidden":
         keys = _fields_by_key(_model_at(root, fault["loc"][:-1]))

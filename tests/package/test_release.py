@@ -1,8 +1,10 @@
-"""What states the version is of one release: package, changelog, citation."""
+"""A release: one version in package, changelog and citation; what former ones promised is kept."""
 
 import re
 from pathlib import Path
 
+import pytest
+from promises import STORED, promises
 from ruamel.yaml import YAML
 
 import tubeplanner
@@ -20,3 +22,11 @@ def test_changelog_and_citation_have_the_version():
     assert (citation["version"], str(citation["date-released"])) == newest
     release, _, is_next = tubeplanner.__version__.partition(".dev")
     assert (release != newest[0]) if is_next else (release == newest[0])
+
+
+@pytest.mark.dear("imports every public name, plans and checks")
+def test_what_users_may_rely_on_is_still_there():
+    """Names, options, fields and keys go as docs/reference/stability.md says, by a decision."""
+    stored = STORED.read_text(encoding="utf-8").splitlines()
+    assert len(stored) > 2000
+    assert sorted(set(stored) - promises()) == []

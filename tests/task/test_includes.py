@@ -225,10 +225,12 @@ def test_more_files_than_anyone_needs_are_refused(tmp_path):
         ("include: list.yaml", "list.yaml: an included file is a map"),
         ("include: preset.yaml", "preset.yaml: format is 'tubeplanner/preset'; an included file"),
         ("include: broken.yaml", "included file"),
+        ("include: newer.yaml", "newer.yaml: version: 1 can be read; a newer tubeplanner may"),
     ],
 )
 def test_a_file_that_cannot_be_included_is_named(main, text, fragment):
-    write(main.parent, main=text, list="[1, 2]", preset="format: tubeplanner/preset", broken="{")
+    files = {"list": "[1, 2]", "preset": "format: tubeplanner/preset", "broken": "{"}
+    write(main.parent, main=text, newer="{version: 2, novel: 1}", **files)
     assert fragment in fault(main)
 
 

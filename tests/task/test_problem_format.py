@@ -215,11 +215,16 @@ SCALAR = "it must be a text, a number, true or false"
         ("clearance", "1 cm", f" is '1 cm'; {NUMBER}, or a map with default, pairs, segments"),
         ("collision", {"ignore": ["a"]}, ".ignore[0] is 'a'; it must be a list"),
         ("format", "toolpath", " is 'toolpath'; it must be 'tubeplanner/problem'"),
-        ("version", 2, " is 2; it must be 1"),
+        ("version", 2, " is 2; 1 can be read; a newer tubeplanner may read it"),
     ],
 )
 def test_a_value_of_the_wrong_type_is_named_with_its_place(location, value, message):
     assert fault(changed(location, value)).startswith(f"{location}{message}")
+
+
+def test_a_file_of_another_version_is_named_as_such_whatever_else_is_new_in_it():
+    newer = {**MINIMAL, "version": 2, "novel": 1, "robot": {**MINIMAL["robot"], "novel": [1]}}
+    assert fault(newer) == "version is 2; 1 can be read; a newer tubeplanner may read it"
 
 
 @pytest.mark.parametrize("data", [None, [], "robot", 5])

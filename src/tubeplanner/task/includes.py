@@ -9,6 +9,7 @@ from typing import Any
 
 from tubeplanner.documents import DocumentError, require_shallow
 from tubeplanner.errors import ProblemError, faults_of, shown
+from tubeplanner.fields import FORMAT_VERSION, known_version
 from tubeplanner.resources import PRESET_ENDINGS, find_problem, rebased
 from tubeplanner.task.problem_format import PROBLEM_FORMAT, read_document
 
@@ -217,6 +218,8 @@ def _layers(
                 f"{path}: format is {shown(kind)}; an included file is a problem file or a part of "
                 "one"
             )
+        with faults_of(f"{path}: version", ValueError):
+            known_version(document.get("version", FORMAT_VERSION))
         yield from _layers(document, path.parent, str(path), (*chain, resolved))
     yield source, data, folder
 

@@ -157,7 +157,8 @@ def _read_json(text: str) -> TrajectoryFile:
         raise TrajectoryError(f"is no trajectory file: format must be {TRAJECTORY_FORMAT}")
     version = fields.get("version")
     if version != TRAJECTORY_VERSION or isinstance(version, bool):
-        raise TrajectoryError(f"version is {shown(version)}; {TRAJECTORY_VERSION} can be read")
+        remedy = f"{TRAJECTORY_VERSION} can be read; a newer tubeplanner may read it"
+        raise TrajectoryError(f"version is {shown(version)}; {remedy}")
     breakpoints = _numbers(fields, "breakpoints")
     trajectory = JointTrajectory(
         _joint_names(fields), breakpoints, _numbers(fields, "coefficients")
