@@ -14,7 +14,7 @@ DOCS = Path(__file__).parent.resolve()
 project = "tubeplanner"
 author = "The tubeplanner authors"
 copyright = author
-release = tubeplanner.__version__
+release = version = tubeplanner.__version__
 
 extensions = [
     "myst_parser",

@@ -17,7 +17,8 @@ import lazy_loader
 
 from tubeplanner.errors import warn_of_former_name
 
-__version__ = "0.2.0"  # the one place: the build, the pages and all files take it from here
+# The one place: the build, the pages, all files and the release workflow read this line.
+__version__ = "0.2.0"
 
 _present, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ = sorted([*__all__, "__version__"])

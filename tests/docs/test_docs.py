@@ -405,7 +405,8 @@ def anchors(text):
 
 
 @pytest.mark.parametrize(
-    "page", [*ALL_PAGES, "CONTRIBUTING.md", "tests/README.md", "notebooks/README.md"]
+    "page",
+    [*ALL_PAGES, "CONTRIBUTING.md", "RELEASING.md", "tests/README.md", "notebooks/README.md"],
 )
 def test_every_link_of_a_page_has_a_text_and_leads_somewhere(page):
     """On a code host too, which fills in no text and no directive."""
@@ -422,7 +423,7 @@ def test_every_link_of_a_page_has_a_text_and_leads_somewhere(page):
 
 PAGES_OF_PATHS = (
     *(page for page in PAGES if page.startswith("docs/development/")),
-    *("CONTRIBUTING.md", "tests/README.md", "benchmarks/README.md"),
+    *("CONTRIBUTING.md", "RELEASING.md", "tests/README.md", "benchmarks/README.md"),
 )
 
 

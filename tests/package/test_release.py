@@ -1,4 +1,4 @@
-"""A release: one version in package, changelog and citation; what former ones promised is kept."""
+"""A release: one version everywhere; what former ones promised is still there."""
 
 import re
 from pathlib import Path
@@ -12,7 +12,7 @@ import tubeplanner
 ROOT = Path(__file__).parents[2]
 
 
-def test_changelog_and_citation_have_the_version():
+def test_changelog_citation_and_recipe_have_the_version():
     """A version with .dev is on its way to the release after the newest of the changelog."""
     changelog = (ROOT / "CHANGELOG.md").read_text()
     title, *older = re.findall(r"^## (.+)$", changelog, re.M)
@@ -20,6 +20,8 @@ def test_changelog_and_citation_have_the_version():
     citation = YAML(typ="safe", pure=True).load(ROOT / "CITATION.cff")
     assert title == "Unreleased"
     assert (citation["version"], str(citation["date-released"])) == newest
+    recipe = (ROOT / "packaging" / "conda" / "recipe.yaml").read_text()
+    assert f'  version: "{newest[0]}"\n' in recipe
     release, _, is_next = tubeplanner.__version__.partition(".dev")
     assert (release != newest[0]) if is_next else (release == newest[0])
 
