@@ -104,7 +104,9 @@ def _versions(requirements: Iterable[str]) -> dict[str, str | None]:
     from importlib.metadata import PackageNotFoundError, version
 
     versions: dict[str, str | None] = {}
-    for name in (re.split(r"[^\w.-]", line)[0] for line in requirements):
+    # Metadata of installed packages have normalised names: ruamel-yaml.
+    names = {re.sub(r"[._]", "-", re.split(r"[^\w.-]", line)[0]).lower() for line in requirements}
+    for name in sorted(names):
         try:
             versions[name] = version(name)
         except PackageNotFoundError:
