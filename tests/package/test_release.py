@@ -26,6 +26,15 @@ def test_changelog_citation_and_recipe_have_the_version():
     assert (release != newest[0]) if is_next else (release == newest[0])
 
 
+def test_every_key_that_is_promised_is_documented():
+    names = ("json_output", "certificate", "trajectory_file")
+    pages = "".join((ROOT / "docs" / "reference" / f"{name}.md").read_text() for name in names)
+    lines = STORED.read_text(encoding="utf-8").splitlines()
+    keys = {re.split("[ .]", each)[-1] for each in lines if each.startswith(("report", "trajec"))}
+    assert len(keys) > 80
+    assert [key for key in keys if f"`{key}`" not in pages and f'"{key}"' not in pages] == []
+
+
 @pytest.mark.dear("imports every public name, plans and checks")
 def test_what_users_may_rely_on_is_still_there():
     """Names, options, fields and keys go as docs/reference/stability.md says, by a decision."""
