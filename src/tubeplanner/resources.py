@@ -4,10 +4,10 @@
 distribution example-robot-data.
 """
 
-import importlib.metadata
 import json
 import os
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -218,19 +218,13 @@ def _exists(path: Path) -> bool:
 
 @cache
 def _example_robot_data_share() -> Path:
-    """Return the folder that holds the package example-robot-data."""
-    try:
-        distribution = importlib.metadata.distribution("example-robot-data")
-    except importlib.metadata.PackageNotFoundError:
-        raise RobotError(
-            "example-robot-data is not installed: pip install example-robot-data"
-        ) from None
-    # The list of files as text: `distribution.files` would make a path of every file.
-    for line in (distribution.read_text("RECORD") or "").splitlines():
-        file = line.split(",")[0]
-        if file.endswith("example-robot-data/package.xml"):
-            return Path(str(distribution.locate_file(file))).resolve().parent.parent
-    raise RobotError("the installed example-robot-data holds no package.xml: reinstall it")
+    """Return the folder that holds the package example-robot-data, of pip or of conda."""
+    prefixes = [Path(entry) / "cmeel.prefix" for entry in sys.path]
+    prefixes += [Path(sys.prefix), Path(sys.prefix) / "Library"]
+    for prefix in prefixes:
+        if (prefix / "share" / "example-robot-data" / "package.xml").is_file():
+            return (prefix / "share").resolve()
+    raise RobotError("example-robot-data is not installed: pip install example-robot-data")
 
 
 def _find_example_urdf(name: str) -> Path:
@@ -241,10 +235,9 @@ def _find_example_urdf(name: str) -> Path:
         raise RobotError(unknown_name("example robot", name, example_robot_names()))
     path = _example_robot_path(name)
     if not path.is_file():
-        version = importlib.metadata.version("example-robot-data")
         raise RobotError(
-            f"example robot '{name}' is not in the installed example-robot-data {version} "
-            f"({path}); it comes with another release"
+            f"example robot '{name}' is not in the installed example-robot-data ({path}); it comes "
+            "with another release"
         )
     return path
 

@@ -18,14 +18,13 @@ from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import bernstein_coefficients, halves
 
 _POINTS = 8
-_NODES = (chebyshev.chebpts1(_POINTS) + 1) / 2
+_NODES = (np.sin(np.pi / 2 / _POINTS * np.arange(1 - _POINTS, _POINTS, 2)) + 1) / 2  # Chebyshev's
 # Largest values on [0, 1] of the product of the distances from all nodes, and of its derivative:
 # the errors of an interpolation and of its derivative are in proportion to them.
 _NODE_PRODUCT = 2.0 / 4.0**_POINTS

@@ -7,7 +7,6 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,6 +22,8 @@ from tubeplanner.outcome import Location
 from tubeplanner.writing import require_ending, require_writable, write_files
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from tubeplanner.task.motion import Task
     from tubeplanner.task.problem import PlanningProblem
 
@@ -489,7 +490,7 @@ class TableFiles(OutputFiles):
 
 
 @contextmanager
-def workers_of(processes: int | None, scheduler: str | None = None) -> Iterator[Executor]:
+def workers_of(processes: int | None, scheduler: str | None = None) -> Iterator["Executor"]:
     """Yield the executor of plans: processes of this machine, or workers of a Dask scheduler.
 
     Processes are killed in the end, whatever they work on; the workers of a scheduler are not. A

@@ -16,7 +16,6 @@ from tubeplanner.certificate.judged_motion import (
     Tolerance,
 )
 from tubeplanner.certificate.verification import CONDITION_NAMES, Certificate, CycleCertificate
-from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED
 from tubeplanner.geometry.collision_checker import ALWAYS_TOUCHING, TOUCH_SAMPLES
 from tubeplanner.limits.holding_limit import HoldingPeak, holding_peaks
 from tubeplanner.limits.peaks import TrajectoryPeaks, trajectory_peaks
@@ -161,7 +160,7 @@ def _minimum_lines(robot: RobotModel, result: "PlanResult | CycleResult") -> lis
     ]
     reason = f"no solution of TOPP-RA for {', '.join(without)}" if without else ""
     if robot.motors.has_less_at_speed:
-        reason = NOT_PROVED
+        from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED as reason
     if not reason:
         return [f"{line} {result.path_minimum:.4f} s, {saving:.1f} % less"]
     return [f"{line} at most {result.path_minimum:.4f} s, at least {saving:.1f} % less ({reason})"]

@@ -12,6 +12,7 @@ from tubeplanner.cli.interrupts import SIGNALS, interrupts_noted
 def run() -> None:
     """Run the command line on the process's arguments."""
     interrupts_noted()
+    _prepare_start()
     from tubeplanner.cli.main import main
 
     _prepare_streams()
@@ -22,6 +23,17 @@ def run() -> None:
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     sys.exit(status)
+
+
+def _prepare_start() -> None:
+    """Leave out work of Python and of pydantic that takes a tenth of the start."""
+    import gc
+    import os
+
+    # Nearly all objects of a short process live to its end: fewer searches for others are enough.
+    gc.set_threshold(20_000, 50, 50)
+    # A search of all installed distributions for plugins; no reader of files has any.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 
 def _prepare_streams() -> None:

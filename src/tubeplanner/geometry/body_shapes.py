@@ -11,15 +11,22 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.geometry.convex_shapes import BoundingBoxes, ConvexShape, bounding_boxes
-from tubeplanner.geometry.distances import ClosestPoints, PlacedShapes
+from tubeplanner.geometry.convex_shapes import (
+    BoundingBoxes,
+    ClosestPoints,
+    ConvexShape,
+    bounding_boxes,
+)
 from tubeplanner.native.library import Bytes, Doubles, Integers, native_function
 from tubeplanner.robot.model import RobotModel
+
+if TYPE_CHECKING:
+    from tubeplanner.geometry.distances import PlacedShapes
 
 _SIZE, _ADDRESS = ctypes.c_int64, ctypes.c_void_p
 _POSES = (_ADDRESS, _SIZE, Doubles, Doubles)  # of shapes: bodies, rotations, origins
@@ -59,7 +66,9 @@ class _ThreadShapes(threading.local):
         self._body_shapes = shapes
 
     @cached_property
-    def shapes(self) -> PlacedShapes:
+    def shapes(self) -> "PlacedShapes":
+        from tubeplanner.geometry.distances import PlacedShapes
+
         return PlacedShapes([body_shape.shape for body_shape in self._body_shapes])
 
 

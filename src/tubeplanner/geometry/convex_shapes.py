@@ -266,6 +266,17 @@ def frame_along(z: FloatArray) -> FloatArray:
     return np.column_stack([x, np.cross(z, x), z])
 
 
+@dataclass(frozen=True, eq=False)
+class ClosestPoints:
+    """The closest points of P pairs of shapes, in the base frame."""
+
+    # lower bounds on the signed distances, exact nearly always, shape (P,) [m]
+    distance: FloatArray
+    direction: FloatArray  # unit vectors from the first towards the second shape, shape (P, 3)
+    first: FloatArray  # FCL's nearest points of the first shapes' cores, shape (P, 3) [m]
+    second: FloatArray  # likewise, of the second shapes' cores
+
+
 # ---- Boxes around convex shapes: quick lower bounds where a shape is long or flat.
 
 

@@ -7,7 +7,6 @@ other its direction is off by as much as 1e-4 rad; the normal of one of the face
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.geometry.convex_shapes import (
+    ClosestPoints,
     ConvexShape,
     convex_hull,
     frame_along,
@@ -40,17 +40,6 @@ _SETTLED = 1e-9  # [m]: a shorter vector between two hulls has no direction
 # Corners of each hull that sort out directions at first, and directions measured together.
 _FEW_CORNERS, _DIRECTIONS_AT_ONCE = 8, 16
 _PAIRS_AT_ONCE = 256  # as many as keep their vertices in the processor's cache
-
-
-@dataclass(frozen=True, eq=False)
-class ClosestPoints:
-    """The closest points of P pairs of shapes, in the base frame."""
-
-    # lower bounds on the signed distances, exact nearly always, shape (P,) [m]
-    distance: FloatArray
-    direction: FloatArray  # unit vectors from the first towards the second shape, shape (P, 3)
-    first: FloatArray  # FCL's nearest points of the first shapes' cores, shape (P, 3) [m]
-    second: FloatArray  # likewise, of the second shapes' cores
 
 
 class _Penetration(NamedTuple):

@@ -50,7 +50,7 @@ def cover_error(solid: MeshSolid, shapes: Sequence[ConvexShape]) -> float:
     return worst
 
 
-def surface_samples(triangles: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
+def surface_samples(triangles: FloatArray, count: int, rng: "np.random.Generator") -> FloatArray:
     """Return random points on triangles (T, 3, 3), evenly by area, shape (count, 3) [m]."""
     sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area = np.linalg.norm(sides, axis=1)
@@ -137,7 +137,7 @@ class MeshPiece:
         triangles = clipped(self.triangles, axis, height, below=below)
         return MeshPiece(triangles, low, high, self.inside)
 
-    def hull_samples(self, rng: np.random.Generator, count: int) -> FloatArray:
+    def hull_samples(self, rng: "np.random.Generator", count: int) -> FloatArray:
         """Return points on the hull outside the solid (N, 3) [m]; `count` tries on cuts."""
         facets, on_cut = self._facets
         # Where it was cut, a piece is nearly always inside the solid; elsewhere, never.

@@ -2,13 +2,15 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
-import fcl
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.geometry.convex_shapes import ConvexShape, frame_along, hull_unless_flat
 
+# FCL is loaded for the first contact: never for cached covers.
+#
 # Slower than covers by convex shapes and blind to the depth of an overlap: repeated distances use
 # covers, and these solids decide only where covers cannot.
 
@@ -158,6 +160,8 @@ class MeshSolid:
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the distance of points (N, 3) from the surface, shape (N,) [m]."""
+        import fcl
+
         probe = fcl.CollisionObject(fcl.Sphere(_PROBE_RADIUS))
         surface, request = self._placed(np.eye(3), np.zeros(3)), fcl.DistanceRequest()
         distance = np.empty(len(points))
@@ -177,6 +181,8 @@ class MeshSolid:
         Poses are a rotation (3, 3) and a position (3,) [m]. Where two shells of a mesh are wound
         the same way, one may bound a hollow in the other.
         """
+        import fcl
+
         request, result = fcl.CollisionRequest(), fcl.CollisionResult()
         if fcl.collide(self._placed(*here), other._placed(*there), request, result) > 0:
             return True
@@ -186,14 +192,18 @@ class MeshSolid:
                 return True
         return False
 
-    def _placed(self, rotation: FloatArray, position: FloatArray) -> fcl.CollisionObject:
+    def _placed(self, rotation: FloatArray, position: FloatArray) -> Any:
+        import fcl
+
         geometry, axes, origin = self._geometry
         transform = fcl.Transform(rotation @ axes, rotation @ origin + position)
         return fcl.CollisionObject(geometry, transform)
 
     @cached_property
-    def _geometry(self) -> tuple[fcl.CollisionGeometry, FloatArray, FloatArray]:
+    def _geometry(self) -> tuple[Any, FloatArray, FloatArray]:
         """FCL's geometry, and its rotation (3, 3) and position (3,) in the solid's frame."""
+        import fcl
+
         if len(self.faces):
             model = fcl.BVHModel()
             model.beginModel(len(self.vertices), len(self.faces))

@@ -9,7 +9,7 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.geometry.collision_checker import CollisionChecker
-from tubeplanner.geometry.distances import ClosestPoints
+from tubeplanner.geometry.convex_shapes import ClosestPoints
 from tubeplanner.optimizer.phased_spline import (
     KnotGrid,
     PhasedSpline,

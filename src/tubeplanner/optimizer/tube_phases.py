@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
-from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.errors import ProblemError
@@ -489,6 +489,7 @@ def smoothed(points: FloatArray, slack: FloatArray, is_free: BoolArray) -> Float
     statistical learning", 2011, section 5), which alternates between bending and distance. Points
     shift by `slack` (N,) at most [m]; the path bends at no cost at free points (N,).
     """
+    from scipy import sparse
     from scipy.sparse.linalg import splu
 
     bending = _bending(points, is_free) + _COUPLING * sparse.identity(len(points))
@@ -503,12 +504,14 @@ def smoothed(points: FloatArray, slack: FloatArray, is_free: BoolArray) -> Float
     return near
 
 
-def _bending(points: FloatArray, is_free: BoolArray) -> sparse.csr_matrix:
+def _bending(points: FloatArray, is_free: BoolArray) -> Any:
     """Return the matrix (N, N) of the sum of squared curvatures over a path.
 
     Spacings count in medians, so that its scale is that of distances, and as no less than a part of
     one: noise makes some of them far shorter.
     """
+    from scipy import sparse
+
     count = len(points)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     steps = np.maximum(steps / np.median(steps), _MIN_STEP)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, asdict, dataclass, fields, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +12,6 @@ from tubeplanner.certificate.refusal import refusal
 from tubeplanner.certificate.verification import Certificate, CycleCertificate
 from tubeplanner.certificate.verification import quick_certificate as verify
 from tubeplanner.errors import FormerName
-from tubeplanner.first_guess.branch_and_bound import SearchStatistics
-from tubeplanner.first_guess.suh_bishop import PhaseTwoStatistics
 from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.limits.holding_limit import HoldingPeak, holding_peaks
 from tubeplanner.limits.lower_bound import LowerBound, lower_bound
@@ -24,7 +22,6 @@ from tubeplanner.native.library import LIBRARY
 from tubeplanner.optimizer.stages import Sensitivity
 from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.outcome import Infeasible, Location, PlanningClock, PlanStatus, StoppedBy
-from tubeplanner.planning.tightening import Survival
 from tubeplanner.robot.notes import robot_notes, unlimited_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.demands import START
@@ -33,6 +30,11 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import in_milliseconds
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.parts import Mark
+
+if TYPE_CHECKING:
+    from tubeplanner.first_guess.branch_and_bound import SearchStatistics
+    from tubeplanner.first_guess.suh_bishop import PhaseTwoStatistics
+    from tubeplanner.planning.tightening import Survival
 
 _MAX_MESSAGE = 200  # [characters] in the representation
 # The message names reference points at more than this distance from the tool's path.
@@ -171,12 +173,12 @@ class PlanResult(TaskResult):
 
     trajectory: JointTrajectory | None = None
     certificate: Certificate | None = None
-    search: SearchStatistics | None = None
-    phase_two: PhaseTwoStatistics | None = None
+    search: "SearchStatistics | None" = None
+    phase_two: "PhaseTwoStatistics | None" = None
     sensitivities: tuple[Sensitivity, ...] = ()
     motion: RefinedMotion | None = None
     shortest: JointTrajectory | None = None
-    survival: Survival | None = None
+    survival: "Survival | None" = None
     configuration: FloatArray | None = None
     may_be_faster: bool = False
     _path_minimum: Callable[[], float | None] = _no_trajectory

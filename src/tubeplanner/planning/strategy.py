@@ -9,7 +9,6 @@ import numpy as np
 from tubeplanner.certificate.verification import judged_visits, verify_cycle
 from tubeplanner.checks import checked_options
 from tubeplanner.errors import OptionError
-from tubeplanner.execution.mujoco_model import require_mujoco, require_no_followers
 from tubeplanner.limits.lower_bound import lower_bound
 from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.outcome import (
@@ -38,7 +37,6 @@ from tubeplanner.planning.result import (
     cycle_sensitivities,
     with_diagnosis,
 )
-from tubeplanner.planning.robust_plan import robust_plan
 from tubeplanner.planning.second_stage import followed_plan
 from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.cycle import Cycle
@@ -142,6 +140,8 @@ def _written(shortest: LegPlan, options: PlanOptions, clock: PlanningClock) -> P
     """Return the written motion of a leg: robust, in whole periods, best by the objective."""
     problem, follow = shortest.problem, partial(followed_plan, slack=options.slack, clock=clock)
     if options.robust and problem.robustness is not None:
+        from tubeplanner.planning.robust_plan import robust_plan
+
         again = partial(attempted_plan, options=options, clock=clock)
         return robust_plan(problem.joined, shortest.result, again, follow, clock)
     return follow(problem, shortest.result)
@@ -156,6 +156,8 @@ def require_supported(problem: PlanningProblem, options: PlanOptions) -> None:
     """
     is_robust = options.robust and problem.robustness is not None
     if is_robust:
+        from tubeplanner.execution.mujoco_model import require_mujoco, require_no_followers
+
         require_mujoco("the field robustness")
         require_no_followers(problem.robot)
     if problem.tube.stretches and options.method != REFINEMENT:

@@ -127,7 +127,9 @@ class StudiedFields(Section):
     design: Design = Field(
         "grid", description="grid: every value of each with every value of the others"
     )
-    options: OptionFields = Field(OptionFields(), description="how every point is planned")
+    options: OptionFields = Field(
+        OptionFields.model_construct(), description="how every point is planned"
+    )
 
 
 class StudyFields(Section):

@@ -93,7 +93,9 @@ class MoveFields(Section):
         [], description="solids that may be nearer where the move begins or ends"
     )
     objective: ObjectiveFields | None = Field(None, description="in place of the cycle's")
-    collision: MoveCollisionFields = Field(MoveCollisionFields(), description="what is checked")
+    collision: MoveCollisionFields = Field(
+        MoveCollisionFields.model_construct(), description="what is checked"
+    )
     pass_through: Flag = Field(False, description="no stop where it begins")
     holding: Holdings | None = Field(
         None, description="parts that the tool holds by contact, beside attached ones"
@@ -179,7 +181,9 @@ class CycleFields(Section):
     clearance: Clearance = Field(
         0.0, description="least distance of links to obstacles [m]; or others for pairs"
     )
-    collision: CollisionFields = Field(CollisionFields(), description="what is checked")
+    collision: CollisionFields = Field(
+        CollisionFields.model_construct(), description="what is checked"
+    )
     objective: ObjectiveFields | None = Field(
         None, description="of all moves, beside short; left out: smooth within a slack of 0.005"
     )

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from tubeplanner.geometry.link_geometry import link_extents
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle
 from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS
 from tubeplanner.resources import find_problem
-from tubeplanner.robot.info import RobotInfo, robot_info
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.notes import Extent, angles_of, doubts, implausible_values, unlimited_notes
 from tubeplanner.task.cycle import Cycle
@@ -28,6 +27,9 @@ from tubeplanner.task.motion import Task
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import ProblemFields
 from tubeplanner.task.problem_reader import load_problem, robot_arguments
+
+if TYPE_CHECKING:
+    from tubeplanner.robot.info import RobotInfo
 
 _Task = TypeVar("_Task", bound=Task)
 
@@ -48,7 +50,7 @@ class TaskInfo:
     """Content of the file of a problem or a cycle."""
 
     kind: str  # "problem" or "cycle"
-    robot: RobotInfo
+    robot: "RobotInfo"
     srdf: SrdfInfo | None  # None: there is none
     task: Task | None  # None if it does not load
     refused: str | None  # message of the error if the task does not load; else None
@@ -91,6 +93,8 @@ def _task_info(
     directory: Path,
     load: Callable[[], _Task],
 ) -> TaskInfo:
+    from tubeplanner.robot.info import robot_info
+
     robot = robot_info(**robot_arguments(fields.robot, directory))
     urdf, srdf = robot.arm.urdf, None
     if urdf.srdf is not None:
@@ -104,7 +108,7 @@ def _task_info(
     return TaskInfo(kind, with_doubts(robot, notes), srdf, task, None)
 
 
-def with_doubts(robot: RobotInfo, task_notes: Sequence[str] | None = None) -> RobotInfo:
+def with_doubts(robot: "RobotInfo", task_notes: Sequence[str] | None = None) -> "RobotInfo":
     """Return a robot with notes on its task; None: on implausible values of the robot alone."""
     notes = robot_doubts(robot.arm) if task_notes is None else task_notes
     return replace(robot, notes=(*robot.notes, *notes))

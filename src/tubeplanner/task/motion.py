@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ClassVar, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, overload
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory, concatenate
 from tubeplanner.trajectory.parts import ATTACH, DETACH, EVENT, MOVE, Mark, part_of, resting
-from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
+
+if TYPE_CHECKING:
+    from tubeplanner.trajectory.reader import TrajectoryFile
 
 _KINDS = {Move: MOVE, Event: EVENT, Attach: ATTACH, Detach: DETACH}
 
@@ -263,20 +265,22 @@ def read_cycle_motion(path: str | Path, cycle: Cycle) -> CycleMotion:
     Raises:
         TrajectoryError: The file cannot be read; or as `motion_of_file`.
     """
+    from tubeplanner.trajectory.reader import read_trajectory_file
+
     Cycle.require(cycle)
     file = read_trajectory_file(path, cycle.robot.joint_names)
     return motion_of_file(cycle, Path(path), file)
 
 
 @overload
-def motion_of_file(task: PlanningProblem, path: Path, file: TrajectoryFile) -> ProblemMotion: ...
+def motion_of_file(task: PlanningProblem, path: Path, file: "TrajectoryFile") -> ProblemMotion: ...
 
 
 @overload
-def motion_of_file(task: Cycle, path: Path, file: TrajectoryFile) -> CycleMotion: ...
+def motion_of_file(task: Cycle, path: Path, file: "TrajectoryFile") -> CycleMotion: ...
 
 
-def motion_of_file(task: Task, path: Path, file: TrajectoryFile) -> Motion:
+def motion_of_file(task: Task, path: Path, file: "TrajectoryFile") -> Motion:
     """Return the motion of a problem or a cycle from the content of a trajectory file.
 
     Args:

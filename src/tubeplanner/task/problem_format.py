@@ -331,7 +331,7 @@ class RobotFields(Section):
     )
     tool_frame: str = Field(description="any URDF link")
     tool_offset: ToolOffsetFields = Field(
-        ToolOffsetFields(), description="the tool centre point in tool_frame"
+        ToolOffsetFields.model_construct(), description="the tool centre point in tool_frame"
     )
     base: BaseFields | None = Field(
         None,
@@ -343,9 +343,11 @@ class RobotFields(Section):
     gravity: Vector = Field((0.0, 0.0, -9.81), description="base frame [m/s^2]")
     payload: PayloadFields | None = Field(None, description="a mass carried in tool_frame")
     attached: list[AttachedFields] = Field([], description="solids carried in tool_frame")
-    limits: LimitFields = Field(LimitFields(), description="replace and scale the URDF's limits")
+    limits: LimitFields = Field(
+        LimitFields.model_construct(), description="replace and scale the URDF's limits"
+    )
     motors: MotorFields = Field(
-        MotorFields(), description="inertia, friction, less effort at speed"
+        MotorFields.model_construct(), description="inertia, friction, less effort at speed"
     )
     preset: str | list[str] | None = Field(
         None,
@@ -656,7 +658,9 @@ class ProblemFields(Section):
     contacts: list[ContactFields] = Field(
         [], description="solids that may be nearer where the motion begins or ends"
     )
-    collision: CollisionFields = Field(CollisionFields(), description="what is checked")
+    collision: CollisionFields = Field(
+        CollisionFields.model_construct(), description="what is checked"
+    )
     objective: ObjectiveFields | None = Field(
         None, description="beside short; left out: smooth within a slack of 0.005"
     )

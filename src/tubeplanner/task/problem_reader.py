@@ -26,7 +26,6 @@ from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration
 from tubeplanner.task.field_changes import checked_layers, read_problem_fields
 from tubeplanner.task.holding import require_carried
 from tubeplanner.task.includes import ProblemLayers
-from tubeplanner.task.moveit_files import solids_of_scene
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import (
     AttachedFields,
@@ -45,7 +44,6 @@ from tubeplanner.task.problem_format import (
     segment_clearances,
 )
 from tubeplanner.task.side_files import read_limits_file, read_points, read_preset, read_robustness
-from tubeplanner.trajectory.reader import read_trajectory_file
 
 _Value = TypeVar("_Value")
 
@@ -362,6 +360,8 @@ def _group_state(what: str, name: str, robot: RobotModel) -> FloatArray:
 
 def _last_configuration(what: str, path: Path, robot: RobotModel) -> FloatArray:
     """Return the configuration (n,) at the end of a trajectory file."""
+    from tubeplanner.trajectory.reader import read_trajectory_file
+
     with faults_of(what, TrajectoryError):
         trajectory = read_trajectory_file(path, robot.joint_names).trajectory
     columns = {name: k for k, name in enumerate(trajectory.joint_names)}
@@ -386,6 +386,8 @@ def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict
         if isinstance(each, ObstacleFields):
             obstacles.append(obstacle_of(each, directory, folders))
             continue
+        from tubeplanner.task.moveit_files import solids_of_scene
+
         with faults_of("obstacles: moveit_scene", ProblemError):
             solids = solids_of_scene(directory / each.moveit_scene, robot)
         obstacles += [obstacle_of(own, directory) for own in solids.obstacles]

@@ -41,8 +41,10 @@ class _PresetFields(Section):
     joints: Annotated[int, Field(strict=True, ge=1)] | None = Field(
         None, description="number of the arm's; required beside limits or motors"
     )
-    limits: LimitFields = Field(LimitFields(), description="as robot.limits, without scale")
-    motors: MotorFields = Field(MotorFields(), description="as robot.motors")
+    limits: LimitFields = Field(
+        LimitFields.model_construct(), description="as robot.limits, without scale"
+    )
+    motors: MotorFields = Field(MotorFields.model_construct(), description="as robot.motors")
     robustness: RobustnessFields | None = Field(
         None, description="controller and errors, as robustness of a problem"
     )
@@ -141,8 +143,9 @@ def fitting_presets(robot: RobotModel) -> list[str]:
     joints = [joint for joint in joints if joint.name in robot.joint_names]
     names = [joint.name for joint in joints]
     fitting = []
-    for preset in bundled_presets():
-        if _preset(preset, ".")[1].joints != len(joints):
+    for preset, path in bundled_presets().items():
+        data: Any = read_document(path, "file")
+        if data.get("joints") != len(joints) or not {*_COMPARED} <= {*data.get("limits", {})}:
             continue
         layer = read_preset(preset)
         limits = {key: layer.limits.by_name(key, names, preset) for key in _COMPARED}

@@ -9,7 +9,7 @@ from functools import cached_property
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,15 +18,16 @@ from tubeplanner.checks import require_between
 from tubeplanner.errors import OptionError, OutputError, shown
 from tubeplanner.limits.process_stretches import all_marks
 from tubeplanner.output.files.fingerprint import origin
-from tubeplanner.output.files.samples import MotionSamples, motion_samples
 from tubeplanner.task.legs import stop_text
 from tubeplanner.task.motion import CycleMotion, Motion, ProblemMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import FORMULA_BEGINS
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.trajectory.parts import Mark
-from tubeplanner.trajectory.reader import MARK_COLUMN, TRAJECTORY_FORMAT, TRAJECTORY_VERSION
 from tubeplanner.writing import require_writable, write_files
+
+if TYPE_CHECKING:
+    from tubeplanner.output.files.samples import MotionSamples
 
 # ---- Files of a motion.
 
@@ -61,10 +62,12 @@ class ExportedMotion:
         return motion if isinstance(motion, JointTrajectory) else motion.trajectory
 
     @cached_property
-    def samples(self) -> MotionSamples | TrajectorySamples:
+    def samples(self) -> "MotionSamples | TrajectorySamples":
         """Samples of the motion or of the trajectory alone."""
         if isinstance(self.motion, JointTrajectory):
             return self.motion.sample(self.rate or _RATE)
+        from tubeplanner.output.files.samples import motion_samples
+
         period = self.motion.task.period
         return motion_samples(self.motion, self.rate or (_RATE if period is None else 1 / period))
 
@@ -72,7 +75,7 @@ class ExportedMotion:
     def notes(self) -> tuple[str, ...]:
         """Notes on the samples, if samples were needed."""
         samples = vars(self).get("samples")
-        return samples.notes if isinstance(samples, MotionSamples) else ()
+        return () if samples is None or isinstance(samples, TrajectorySamples) else samples.notes
 
 
 class Format(NamedTuple):
@@ -203,6 +206,8 @@ def _ros_text(exported: ExportedMotion) -> str:
 
 def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
     """Return a trajectory file with further keys, such as `method`."""
+    from tubeplanner.trajectory.reader import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
+
     fields = {
         "format": TRAJECTORY_FORMAT,
         "version": TRAJECTORY_VERSION,
@@ -245,6 +250,8 @@ def trajectory_csv(
         writer.writerow(header)
         stream.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
         return stream.getvalue()
+    from tubeplanner.trajectory.reader import MARK_COLUMN
+
     texts = [""] * len(table)
     for mark in marks:
         row = min(int(np.searchsorted(samples.time, mark.time - _ROUNDING)), len(table) - 1)
