@@ -20,8 +20,6 @@ from tubeplanner.geometry.link_geometry import link_contents
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, open_meshes
 from tubeplanner.geometry.tube.points import SEGMENT_NUMBERS
 from tubeplanner.output.figures.figure_files import FIGURE_ENDINGS, figure_file
-from tubeplanner.output.figures.robot_figure import plot_robot
-from tubeplanner.output.link_visuals import solids_at_tool
 from tubeplanner.resources import EXAMPLE_PREFIX
 from tubeplanner.robot.info import (
     INFO_LIMITS,
@@ -32,7 +30,6 @@ from tubeplanner.robot.info import (
     SourcedValue,
     robot_info,
 )
-from tubeplanner.studies.tubes.starter_problem import shown_configuration
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import is_cycle_file
 from tubeplanner.task.endpoints import Endpoint
@@ -79,6 +76,10 @@ def describe(
         enter("meshes")
         meshes, fault = _open_meshes(contents)
         if plot is not None:
+            from tubeplanner.output.figures.robot_figure import plot_robot
+            from tubeplanner.output.link_visuals import solids_at_tool
+            from tubeplanner.studies.tubes.starter_problem import shown_configuration
+
             enter("picture")
             arm = contents.arm if isinstance(contents, RobotInfo) else contents.robot.arm
             problem = None if isinstance(contents, RobotInfo) else contents.problem
