@@ -18,7 +18,7 @@ CHEAP := -m "not slow and not dear"
 # The last ones take longest, and begin first.
 NOTEBOOKS := $(patsubst %.py,%.ipynb,$(shell ls -r notebooks/*.py))
 
-.PHONY: demo test quick test-slow test-all test-processors test-pure study trajectories
+.PHONY: demo test quick test-slow test-all test-processors test-pure test-lowest study trajectories
 .PHONY: lint style types layers lint-repo notebooks check-notebooks docs gallery wheel clean
 
 demo: $(VENV)/.installed
@@ -45,9 +45,15 @@ test-processors: $(VENV)/.installed-test
 test-pure: $(VENV)/.installed-test
 	TUBEPLANNER_PURE=1 $(PYTEST) -q $(FAILURES) $(CHEAP) $(addprefix tests/,$(NUMERICS))
 
+# The cheap tests of numerics again, with the oldest versions that pyproject.toml allows.
+LOWEST := output/lowest
+test-lowest: $(LOWEST)/.installed
+	TEST_COVERS=lowest/covers $(PYTEST:$(BIN)/python=$(LOWEST)/bin/python) -q $(FAILURES) $(CHEAP) $(addprefix tests/,$(NUMERICS))
+
 # Before a release: what is too long for CI, each part with a seed and a budget in seconds.
 study: $(VENV)/.installed-test
 	$(PYTEST) -q -m study
+	$(MAKE) --no-print-directory test-lowest
 	$(BIN)/python tests/helpers/other_processors.py '$(PYTEST) -q $(CHEAP)'
 	$(BIN)/python benchmarks/mutants.py --sample 100000 --seed $(SEED) --seconds $(SECONDS)
 	$(BIN)/python benchmarks/campaign.py --count 100000 --seed $(SEED)000 --pairs --processes $(JOBS) --seconds $(SECONDS)
@@ -136,6 +142,12 @@ $(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed
 
 $(VENV)/.installed-lint: | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet 'pre-commit>=4.4'
+	touch $@
+
+$(LOWEST)/.installed: pyproject.toml
+	$(PYTHON) -m venv --clear $(LOWEST)
+	$(LOWEST)/bin/python -m pip install --quiet uv
+	$(LOWEST)/bin/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct --editable '.[test]'
 	touch $@
 
 # All of these by one resolution and one build, for CI. The package's stamp is the oldest, as the

@@ -103,7 +103,7 @@ REQUIREMENTS = {
     "compare": "toppra>=0.6.3",
     "dask": "distributed>=2024.1",
     "dxf": "ezdxf>=1.3",
-    "meshes": "trimesh[easy]>=4.4",
+    "meshes": "trimesh[easy]>=5.0",
     "simulate": "mujoco>=3.2.7",
     "xacro": "xacro>=2.1",
 }

@@ -277,7 +277,7 @@ def test_robustness_is_that_of_every_leg(monkeypatch: pytest.MonkeyPatch) -> Non
         shortest, _, follow, _ = others
         return follow(problem, shortest)
 
-    monkeypatch.setattr(strategy, "robust_plan", noting)
+    monkeypatch.setattr("tubeplanner.planning.robust_plan.robust_plan", noting)
     result = plan_cycle(cycle, SHORTEST)
     assert [each.robustness for each in problems] == [cycle.robustness] * 2
     assert cycle.robustness.mass == 0.05
