@@ -1,13 +1,16 @@
-"""What lies beside the package: the recipe for conda-forge."""
+"""What lies beside the package: the recipe for conda-forge, the page of licences."""
 
+import re
 import runpy
+import tomllib
 from pathlib import Path
 
 import yaml
 
 import tubeplanner
 
-CONDA = Path(__file__).parents[2] / "packaging" / "conda"
+ROOT = Path(__file__).parents[2]
+CONDA = ROOT / "packaging" / "conda"
 
 
 def test_the_recipe_asks_for_what_pyproject_asks_for():
@@ -19,3 +22,12 @@ def test_the_recipe_asks_for_what_pyproject_asks_for():
 def test_the_recipe_is_of_this_version():
     context = yaml.safe_load((CONDA / "recipe.yaml").read_text())["context"]
     assert context["version"] == tubeplanner.__version__
+
+
+def test_every_direct_dependency_has_a_licence_in_its_page():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    texts = sum(project["optional-dependencies"].values(), project["dependencies"])
+    direct = {re.split(r"[\[<>=]", text)[0].replace(".", "-") for text in texts} - {"tubeplanner"}
+    page = (ROOT / "docs" / "development" / "licences.md").read_text()
+    rows = set(re.findall(r"^\| ([\w-]+) \| \S+ \| [^|]+ \| [^|]+ \|$", page, re.M))
+    assert direct - rows == set(), "run packaging/licence_table.py"
