@@ -5,6 +5,7 @@ import fcntl
 import hashlib
 import os
 import signal
+import stat
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -173,7 +174,9 @@ def require_writable(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> No
             )
         targets[target] = path
         try:
-            is_special = target.exists() and not target.is_file()
+            is_special = not stat.S_ISREG(target.stat().st_mode)
+        except (FileNotFoundError, NotADirectoryError):
+            is_special = False
         except OSError as error:
             raise OutputError(f"output {path!s:.60}: {error.strerror}") from error
         if is_special:
@@ -266,6 +269,9 @@ def _mode(target: Path) -> int:
 
 def _target(path: Path, kind: str = "output") -> Path:
     try:
-        return path.resolve()
+        target = path.resolve()
+        if os.path.islink(target):  # Python 3.13 resolves up to the circle, and says nothing
+            raise OSError("its symbolic links lead in a circle")
+        return target
     except (OSError, RuntimeError, ValueError) as error:
         raise OutputError(f"{kind} {path} cannot be resolved: {error}") from error
