@@ -1,15 +1,15 @@
 """Files written whole or not at all: staged content, held signals, all files of a run at once."""
 
 import errno
-import fcntl
 import hashlib
 import os
 import signal
 import stat
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 
 from tubeplanner.errors import OptionError, OutputError
@@ -44,7 +44,9 @@ def signals_held() -> Iterator[None]:
 # A process that is killed leaves at most `.NAME.tmp` beside the file NAME; the next writer of NAME
 # removes it. A lock tells the file of a killed process from that of another live one.
 
+_IS_WINDOWS = os.name == "nt"  # there an open file can be neither replaced nor removed
 _MAX_NAME_LENGTH = 255  # [bytes], of a file in its folder
+_LOCKED_BYTE = 2**31 - 2  # on Windows
 _PATIENCE, _PAUSE = 5.0, 0.01  # with another process that writes the same file [s]
 
 
@@ -58,15 +60,15 @@ class StagedFile:
         """Make the staged file, empty, and readable for its owner alone."""
         self._target, self._path = target, temporary_path(target)
         self._descriptor: int | None = _new_file(self._path)
+        self._is_put = False
 
     def __enter__(self) -> "StagedFile":
         return self
 
     def __exit__(self, *exception: object) -> None:
         """Remove the staged file unless the target is replaced."""
-        if self._descriptor is not None:
-            self._path.unlink(missing_ok=True)
-            self._close()
+        if not self._is_put:
+            self._leave(lambda: self._path.unlink(missing_ok=True))
 
     def write(self, data: bytes, mode: int | None = None) -> None:
         """Write the content, and set the mode unless None."""
@@ -74,8 +76,8 @@ class StagedFile:
         rest = memoryview(data)
         while rest:
             rest = rest[os.write(self._descriptor, rest) :]
-        if mode is not None:
-            os.fchmod(self._descriptor, mode)
+        if mode is not None and os.chmod in os.supports_fd:  # not on Windows
+            os.chmod(self._descriptor, mode)
 
     def sync(self) -> None:
         """Wait until the content is on the disk."""
@@ -84,13 +86,17 @@ class StagedFile:
 
     def put(self) -> None:
         """Replace the target."""
-        self._path.replace(self._target)
-        self._close()
+        self._leave(lambda: self._path.replace(self._target))
+        self._is_put = True
 
-    def _close(self) -> None:
-        assert self._descriptor is not None
-        os.close(self._descriptor)
-        self._descriptor = None
+    def _leave(self, move: Callable[[], object]) -> None:
+        if not _IS_WINDOWS:
+            move()
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+        if _IS_WINDOWS:
+            move()
 
 
 def temporary_path(target: Path) -> Path:
@@ -106,29 +112,36 @@ def _new_file(path: Path) -> int:
     end = time.monotonic() + _PATIENCE
     while True:
         try:
-            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+            descriptor = os.open(path, flags, 0o600)
         except FileExistsError:
             _remove_left(path, end)
             continue
         # Another process may have removed the file before it was locked.
-        if _locked(descriptor) and _is_at(path, descriptor):
+        if _IS_WINDOWS or (_locked(descriptor) and _is_at(path, descriptor)):
             return descriptor
         os.close(descriptor)
 
 
 def _remove_left(path: Path, end: float) -> None:
     """Remove the file of a killed process; while a live process has the file, pause until `end`."""
-    try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-    except FileNotFoundError:
-        return
-    try:
-        if _locked(descriptor):
-            if _is_at(path, descriptor):
-                path.unlink()
+    if _IS_WINDOWS:
+        with suppress(PermissionError):  # a live process has it open
+            path.unlink(missing_ok=True)
             return
-    finally:
-        os.close(descriptor)
+    else:
+        flags = [getattr(os, name) for name in ("O_NOFOLLOW", "O_NONBLOCK")]
+        try:
+            descriptor = os.open(path, os.O_RDONLY | sum(flags))
+        except FileNotFoundError:
+            return
+        try:
+            if _locked(descriptor):
+                if _is_at(path, descriptor):
+                    path.unlink()
+                return
+        finally:
+            os.close(descriptor)
     if time.monotonic() > end:
         raise OSError(errno.EBUSY, "another process is writing it", str(path))
     time.sleep(_PAUSE)
@@ -137,10 +150,32 @@ def _remove_left(path: Path, end: float) -> None:
 def _locked(descriptor: int) -> bool:
     """Return True if a file could be locked, or its file system has no locks."""
     with suppress(OSError):
+        return lock(descriptor)
+    return True
+
+
+def lock(descriptor: int) -> bool:
+    """Lock a file until it is closed; return False if another process has locked it.
+
+    Raises:
+        OSError: Its file system has no locks.
+    """
+    try:
+        fcntl = import_module("fcntl")
+    except ImportError:  # Windows, where a locked byte cannot be read: it is one far behind the end
+        msvcrt, position = import_module("msvcrt"), os.lseek(descriptor, 0, os.SEEK_CUR)
+        os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        except PermissionError:
             return False
+        finally:
+            os.lseek(descriptor, position, os.SEEK_SET)
+        return True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
     return True
 
 

@@ -184,7 +184,7 @@ def _processor(
     """Return the compiler's flags for a platform and a level of its processors."""
     if _kind(command) == "zig":  # its names are its own, and without one it takes this processor
         target = environment.get("TUBEPLANNER_TARGET")
-        names = ("-target", target) if target else ()
+        names: tuple[str, ...] = ("-target", target) if target else ()
         return (*names, f"-mcpu={level.replace('-', '_')}")
     march = () if level == "baseline" else (f"-march={level}",)
     if sys.platform != "darwin":

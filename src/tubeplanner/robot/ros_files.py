@@ -1,7 +1,6 @@
 """Files beside a URDF: xacro sources, expanded in a process of their own; SRDF files."""
 
 import json
-import resource
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -9,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
@@ -119,8 +119,14 @@ def serve() -> None:
     """Answer the JSON request on standard input by JSON on standard output.
 
     The request has path, arguments, package_dirs, uses_all; the answer has either xml or a fault.
+    Windows and macOS do not limit the memory.
     """
-    resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY, _MAX_MEMORY))
+    try:
+        resource = import_module("resource")
+        resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY, _MAX_MEMORY))
+    except (ImportError, ValueError, OSError):
+        if sys.platform == "linux":
+            raise
     request = json.load(sys.stdin)
     with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # its warnings are for authors
         try:

@@ -1,6 +1,5 @@
 """Journal: one line of JSON per finished point, durable, checked on reading."""
 
-import fcntl
 import json
 import os
 from collections.abc import Callable, Mapping
@@ -13,6 +12,7 @@ from pydantic import TypeAdapter
 from tubeplanner.documents import parse_json
 from tubeplanner.errors import OutputError, shown
 from tubeplanner.text import json_value
+from tubeplanner.writing import lock
 
 _T = TypeVar("_T")
 _BEGIN = b'{"key": "'  # of every line
@@ -119,17 +119,17 @@ class Journal:
 
     def _lock(self) -> None:
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputError(
-                f"journal {self._path} is in use by another process; wait for it, end it, or name "
-                "another table"
-            ) from None
+            is_locked = lock(self._file.fileno())
         except OSError as error:
             raise OutputError(
                 f"journal {self._path} cannot be locked: {error.strerror}; name a table on another "
                 "disk"
             ) from error
+        if not is_locked:
+            raise OutputError(
+                f"journal {self._path} is in use by another process; wait for it, end it, or name "
+                "another table"
+            )
 
     def _read(self) -> None:
         """Record the position of every line, and drop an incomplete last line."""

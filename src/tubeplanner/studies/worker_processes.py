@@ -4,6 +4,7 @@ import os
 import pickle
 import queue
 import signal
+import struct
 import subprocess
 import sys
 import threading
@@ -11,9 +12,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 from tubeplanner.checks import WHOLE_NUMBER
 from tubeplanner.errors import OptionError
@@ -30,7 +29,7 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB
 _PROGRAM = """import sys
 sys.path[:] = {path!r}
 from tubeplanner.studies.worker_processes import serve
-serve({descriptor})
+serve()
 """
 
 
@@ -207,19 +206,19 @@ class _Dead(Exception):
 
 
 class _Worker:
-    """A process, and the connection to it."""
+    """A process, asked by its standard input."""
 
     def __init__(self) -> None:
-        self._connection, other = Pipe()
-        program = _PROGRAM.format(path=sys.path, descriptor=other.fileno())
-        with other:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", program],
-                stdin=subprocess.DEVNULL,
-                pass_fds=[other.fileno()],
-                env={**os.environ, **dict.fromkeys(THREADS, "1")},
-                start_new_session=True,  # Ctrl-C is the parent's
-            )
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", _PROGRAM.format(path=sys.path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, **dict.fromkeys(THREADS, "1")},
+            start_new_session=True,  # Ctrl-C is the parent's
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # so on Windows
+        )
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._calls, self._answers = self._process.stdin, self._process.stdout
 
     def ask(self, call: bytes) -> bytes:
         """Return the answer to a call.
@@ -228,8 +227,8 @@ class _Worker:
             _Dead: The process ended before its answer.
         """
         try:
-            self._connection.send_bytes(call)
-            return self._connection.recv_bytes()
+            _send(self._calls, call)
+            return _received(self._answers)
         except (EOFError, OSError):
             self.kill()
             code = self._process.wait()
@@ -241,8 +240,10 @@ class _Worker:
         self._process.kill()
 
     def end(self) -> None:
-        """Close the connection, so that the process ends, and wait for that."""
-        self._connection.close()
+        """Close its standard input, so that the process ends, and wait for that."""
+        with suppress(OSError):  # a dead process takes no rest of a call
+            self._calls.close()
+        self._answers.close()
         self._process.wait()
 
 
@@ -292,20 +293,39 @@ def processors() -> int:
 
 # ---- The worker: answers call by call.
 
-_STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
+_STANDARD_INPUT, _STANDARD_OUTPUT, _STANDARD_ERROR = 0, 1, 2
+_BEGIN = b"\0tubeplanner\n"  # of a message; sitecustomize may print before
 
 
-def serve(descriptor: int) -> None:
-    """Answer calls until the connection is closed."""
-    # Output of libraries must not come between the lines of the parent's output.
+def serve() -> None:
+    """Answer the calls on standard input, until its end, on standard output."""
+    calls, answers = os.dup(_STANDARD_INPUT), os.dup(_STANDARD_OUTPUT)
+    # Nothing that libraries read or print may come between the messages.
+    with open(os.devnull) as nothing:
+        os.dup2(nothing.fileno(), _STANDARD_INPUT)
     os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)
-    with Connection(descriptor) as connection:
+    with suppress(EOFError, OSError), open(calls, "rb") as source, open(answers, "wb") as sink:
         while True:
-            try:
-                call = connection.recv_bytes()
-                connection.send_bytes(_answer(call))
-            except (EOFError, ConnectionError):
-                return
+            _send(sink, _answer(_received(source)))
+
+
+def _send(stream: IO[bytes], message: bytes) -> None:
+    stream.write(_BEGIN + struct.pack(">Q", len(message)))
+    stream.write(message)
+    stream.flush()
+
+
+def _received(stream: IO[bytes]) -> bytes:
+    """Return the next message; raise EOFError if the stream ends before its end."""
+    line = stream.readline()
+    while line and not line.endswith(_BEGIN):
+        line = stream.readline()
+    header = stream.read(8)
+    length = struct.unpack(">Q", header)[0] if len(header) == 8 else 0
+    message = stream.read(length)
+    if len(header) < 8 or len(message) < length:
+        raise EOFError
+    return message
 
 
 def _answer(call: bytes) -> bytes:
