@@ -160,3 +160,12 @@ def test_a_pipe_is_refused_without_waiting(tmp_path):
     os.mkfifo(tmp_path / "arm.xacro")
     message = refusal(RobotError, expanded, tmp_path / "arm.xacro", {}, ())
     assert "cannot be read: it is no regular file" in message
+
+
+def test_an_expression_starts_no_program(write, tmp_path):
+    ran = tmp_path / "ran"
+    popen = "[c for c in ().__class__.__base__.__subclasses__() if c.__name__ == 'Popen']"
+    inner = f"<link name=\"${{(lambda: {popen}[0](['touch', '{ran}']).wait())()}}\"/>"
+    with pytest.raises(RobotError, match="a macro file may not use subprocess"):
+        read_urdf(write(inner))
+    assert not ran.exists()

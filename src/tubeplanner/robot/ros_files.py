@@ -128,6 +128,7 @@ def serve() -> None:
         if sys.platform == "linux":
             raise
     request = json.load(sys.stdin)
+    sys.addaudithook(_refuse_programs)
     with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # its warnings are for authors
         try:
             folders = tuple(
@@ -139,6 +140,14 @@ def serve() -> None:
         except RobotError as error:
             answer = {"fault": str(error)}
     json.dump(answer, sys.stdout)
+
+
+def _refuse_programs(event: str, _: object) -> None:
+    """Refuse the usual ways to start a program or to connect: xacro's expressions reach them."""
+    if event.startswith(
+        ("subprocess.", "os.system", "os.exec", "os.fork", "os.posix_spawn", "socket.")
+    ):
+        raise PermissionError(f"a macro file may not use {event}")
 
 
 def _expanded(
