@@ -11,7 +11,7 @@ from functools import cached_property
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 
 from tubeplanner.documents import DocumentError, read_bytes, require_regular
 from tubeplanner.errors import RobotError, not_installed, shown, unknown_name
@@ -113,6 +113,7 @@ def expanded(
 
 _INDEX = "ament_index_python"
 _MAX_MEMORY = 1_000_000_000  # [bytes] of addresses
+_FRAMES = ("gi_frame", "cr_frame", "ag_frame", "tb_frame")  # lead to the callers' names
 
 
 def serve() -> None:
@@ -142,10 +143,18 @@ def serve() -> None:
     json.dump(answer, sys.stdout)
 
 
-def _refuse_programs(event: str, _: object) -> None:
-    """Refuse the usual ways to start a program or to connect: xacro's expressions reach them."""
+def _refuse_programs(event: str, values: tuple[object, ...]) -> None:
+    """Refuse the ways from xacro's expressions to Python's own names, and to programs."""
+    codes = [values[0]] if event == "exec" else []
+    for code in codes:
+        if not isinstance(code, CodeType) or code.co_filename != "<expression>":
+            continue
+        codes += code.co_consts  # lambdas and generators, which xacro does not look into
+        for name in code.co_names:
+            if name.startswith("__") or name in _FRAMES:
+                raise PermissionError(f"a macro file may not use {name}")
     if event.startswith(
-        ("subprocess.", "os.system", "os.exec", "os.fork", "os.posix_spawn", "socket.")
+        ("subprocess.", "os.system", "os.exec", "os.fork", "os.posix_spawn", "socket.", "ctypes.")
     ):
         raise PermissionError(f"a macro file may not use {event}")
 
