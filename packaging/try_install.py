@@ -64,7 +64,7 @@ def installed(python: str, archive: Path, has_compiler: bool, folder: Path) -> l
 def main() -> None:
     """Try all environments, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("dist", type=Path, help="folder with one sdist and one wheel")
+    parser.add_argument("dist", type=Path, help="folder with one sdist and its wheels")
     parser.add_argument("--pythons", nargs="+", default=[sys.executable])
     arguments = parser.parse_args()
     wheels, sources = (sorted(arguments.dist.glob(name)) for name in ("*.whl", "*.tar.gz"))

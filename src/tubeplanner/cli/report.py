@@ -160,7 +160,9 @@ def _minimum_lines(robot: RobotModel, result: "PlanResult | CycleResult") -> lis
     ]
     reason = f"no solution of TOPP-RA for {', '.join(without)}" if without else ""
     if robot.motors.has_less_at_speed:
-        from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED as reason
+        from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED
+
+        reason = NOT_PROVED
     if not reason:
         return [f"{line} {result.path_minimum:.4f} s, {saving:.1f} % less"]
     return [f"{line} at most {result.path_minimum:.4f} s, at least {saving:.1f} % less ({reason})"]

@@ -155,7 +155,7 @@ def _switched(problem: PlanningProblem, paths: list[ToolPath], arcs: str) -> Bas
 
 
 def _of_toppra(problem: PlanningProblem, paths: list[ToolPath]) -> str:
-    """Return what TOPP-RA itself takes for the same paths [s], or why that is not known."""
+    """Return the duration by TOPP-RA itself along the same paths [s], or the reason without it."""
     if find_spec("toppra") is None:
         return not_installed("compare", "a comparison with TOPP-RA itself", "toppra")
     try:
